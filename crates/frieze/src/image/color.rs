@@ -1,0 +1,1 @@
+//! sRGB, tone curves, luminance.

@@ -1,0 +1,1 @@
+//! Two pictures compared: max, RMSE, PSNR, FLIP.

@@ -1,0 +1,10 @@
+//! A map is data you can query while shading: `at(place, footprint)`.
+
+pub mod filter;
+#[allow(clippy::module_inception)]
+pub mod map;
+pub mod normal;
+pub mod shadow;
+
+pub use filter::{Filter, Wrap};
+pub use map::{Footprint, Map};

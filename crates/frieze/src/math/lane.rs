@@ -1,0 +1,880 @@
+//! The only door to SIMD.
+//!
+//! Shading, sampling and rasterising are written once, over [`Num`]: a plain `f32`, or `WIDTH` pixels
+//! side by side. A [`Level`] is chosen once at run time and [`Level::run`] enters a [`Kernel`] compiled
+//! for it. Every operation here is an IEEE-754 single operation per lane, no lane ever sees another, and
+//! nothing is fused or approximated; so a value has the same bits at every level and width (law 6).
+//!
+//! Rules for kernels: every function on the hot path is `#[inline(always)]` (a lane operation that is
+//! not inlined into the dispatched kernel becomes a call, some 15 times slower); constants are made with
+//! [`Num::lift`] from a value at hand, or by the [`Lane`] token.
+
+use core::fmt::Debug;
+use core::ops::{Add, BitAnd, BitOr, BitXor, Div, Mul, Neg, Not, Shl, Shr, Sub};
+use fearless_simd::{
+    Avx2, Avx512, Bytes, ExtractToken, Fallback, Level as CpuLevel, Select, Simd, SimdBase, SimdFloat, SimdInt,
+    SimdMask, Sse2, f32x8, f32x16, i32x8, i32x16, mask32x8, mask32x16,
+};
+
+/// A truth value per lane.
+pub trait Mask: Copy + Debug + BitAnd<Output = Self> + BitOr<Output = Self> + Not<Output = Self> {
+    /// Lane `k` as bit `k`.
+    fn bits(self) -> u32;
+    /// Whether any lane is true.
+    #[inline(always)]
+    fn any(self) -> bool {
+        self.bits() != 0
+    }
+    /// Whether all lanes are true.
+    fn all(self) -> bool;
+}
+
+/// A number per lane: `f32` alone, or several side by side. IEEE single precision, round to nearest even.
+pub trait Num:
+    Copy
+    + Debug
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+    + Neg<Output = Self>
+    + Add<f32, Output = Self>
+    + Sub<f32, Output = Self>
+    + Mul<f32, Output = Self>
+    + Div<f32, Output = Self>
+{
+    /// The result of a comparison.
+    type Mask: Mask;
+    /// The 32-bit integers of the same width.
+    type Int: Int<Num = Self, Mask = Self::Mask>;
+    /// How many lanes there are.
+    const WIDTH: usize;
+    /// The same constant in every lane (of the width and level of `self`).
+    fn lift(self, v: f32) -> Self;
+    /// A constant mask of the width of `self`.
+    fn lift_mask(self, v: bool) -> Self::Mask;
+    /// The number in lane `k`.
+    fn lane(self, k: usize) -> f32;
+    /// Writes the lanes to the front of `out`.
+    fn store(self, out: &mut [f32]);
+    /// Square root, correctly rounded.
+    fn sqrt(self) -> Self;
+    /// Absolute value.
+    fn abs(self) -> Self;
+    /// Largest integer not above.
+    fn floor(self) -> Self;
+    /// Truncates towards zero. The caller keeps the value within ±2^31: outside, and for NaN, the result
+    /// differs between levels, so clamp first (`max` then `min` also removes NaN).
+    fn to_int(self) -> Self::Int;
+    /// The bit pattern.
+    fn to_bits(self) -> Self::Int;
+    /// `self < o`; false for NaN.
+    fn lt(self, o: Self) -> Self::Mask;
+    /// `self <= o`; false for NaN.
+    fn le(self, o: Self) -> Self::Mask;
+    /// `self == o`; false for NaN.
+    fn eq(self, o: Self) -> Self::Mask;
+    /// `m ? self : o`, lane by lane.
+    fn or_else(self, m: Self::Mask, o: Self) -> Self;
+    /// `self > o`; false for NaN.
+    #[inline(always)]
+    fn gt(self, o: Self) -> Self::Mask {
+        o.lt(self)
+    }
+    /// `self >= o`; false for NaN.
+    #[inline(always)]
+    fn ge(self, o: Self) -> Self::Mask {
+        o.le(self)
+    }
+    /// `self < o ? self : o`: a NaN in either gives `o`.
+    #[inline(always)]
+    fn min(self, o: Self) -> Self {
+        self.or_else(self.lt(o), o)
+    }
+    /// `self > o ? self : o`: a NaN in either gives `o`.
+    #[inline(always)]
+    fn max(self, o: Self) -> Self {
+        self.or_else(o.lt(self), o)
+    }
+    /// Clamped to `lo ..= hi`; NaN becomes `lo`.
+    #[inline(always)]
+    fn clamp(self, lo: f32, hi: f32) -> Self {
+        self.max(self.lift(lo)).min(self.lift(hi))
+    }
+    /// Clamped to `0 ..= 1`; NaN becomes 0.
+    #[inline(always)]
+    fn saturate(self) -> Self {
+        self.clamp(0.0, 1.0)
+    }
+    /// `1 / self`, a true division.
+    #[inline(always)]
+    fn recip(self) -> Self {
+        self.lift(1.0) / self
+    }
+    /// `a + (b - a) * t` with `t = self`.
+    #[inline(always)]
+    fn mix(self, a: Self, b: Self) -> Self {
+        a + (b - a) * self
+    }
+}
+
+/// A 32-bit signed integer per lane. Arithmetic wraps; `>>` is arithmetic.
+pub trait Int:
+    Copy
+    + Debug
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + BitAnd<Output = Self>
+    + BitOr<Output = Self>
+    + BitXor<Output = Self>
+    + Add<i32, Output = Self>
+    + Sub<i32, Output = Self>
+    + Mul<i32, Output = Self>
+    + BitAnd<i32, Output = Self>
+    + BitOr<i32, Output = Self>
+    + Shl<u32, Output = Self>
+    + Shr<u32, Output = Self>
+{
+    /// The numbers of the same width.
+    type Num: Num<Int = Self, Mask = Self::Mask>;
+    /// The result of a comparison.
+    type Mask: Mask;
+    /// The same constant in every lane.
+    fn lift(self, v: i32) -> Self;
+    /// The integer in lane `k`.
+    fn lane(self, k: usize) -> i32;
+    /// Writes the lanes to the front of `out`.
+    fn store(self, out: &mut [i32]);
+    /// Nearest float (ties to even).
+    fn to_num(self) -> Self::Num;
+    /// The float with this bit pattern.
+    fn from_bits(self) -> Self::Num;
+    /// `self < o`.
+    fn lt(self, o: Self) -> Self::Mask;
+    /// `self == o`.
+    fn eq(self, o: Self) -> Self::Mask;
+    /// `m ? self : o`, lane by lane.
+    fn or_else(self, m: Self::Mask, o: Self) -> Self;
+    /// `self > o`.
+    #[inline(always)]
+    fn gt(self, o: Self) -> Self::Mask {
+        o.lt(self)
+    }
+    /// The smaller.
+    #[inline(always)]
+    fn min(self, o: Self) -> Self {
+        self.or_else(self.lt(o), o)
+    }
+    /// The larger.
+    #[inline(always)]
+    fn max(self, o: Self) -> Self {
+        self.or_else(o.lt(self), o)
+    }
+    /// Looks every lane up in `table`. The caller keeps lanes within the table: others panic.
+    #[inline(always)]
+    fn gather<T: Copy>(self, table: &[T], mut each: impl FnMut(usize, T)) {
+        for k in 0..Self::Num::WIDTH {
+            each(k, table[self.lane(k) as usize]);
+        }
+    }
+}
+
+/// The token of a level: makes numbers, integers and masks of its width.
+pub trait Lane: Copy + Send + Sync + Debug + 'static {
+    /// Numbers.
+    type F: Num<Mask = Self::M, Int = Self::I>;
+    /// Integers.
+    type I: Int<Num = Self::F, Mask = Self::M>;
+    /// Masks.
+    type M: Mask;
+    /// How many lanes there are: 1, 8 or 16.
+    const WIDTH: usize;
+    /// A constant.
+    fn f(self, v: f32) -> Self::F;
+    /// A constant integer.
+    fn i(self, v: i32) -> Self::I;
+    /// `WIDTH` numbers from the front of a slice (panics if it is shorter).
+    fn load(self, s: &[f32]) -> Self::F;
+    /// `WIDTH` integers from the front of a slice (panics if it is shorter).
+    fn load_i(self, s: &[i32]) -> Self::I;
+    /// Number `k` comes from `f(k)`.
+    fn f_from(self, f: impl FnMut(usize) -> f32) -> Self::F;
+    /// Integer `k` comes from `f(k)`.
+    fn i_from(self, f: impl FnMut(usize) -> i32) -> Self::I;
+    /// Lane `k` is bit `k`.
+    fn mask(self, bits: u32) -> Self::M;
+    /// 0, 1, 2, ...
+    #[inline(always)]
+    fn ramp(self) -> Self::I {
+        self.i_from(|k| k as i32)
+    }
+    /// `table[index[k]]` in lane `k`. Lanes outside the table panic.
+    #[inline(always)]
+    fn gather(self, table: &[f32], index: Self::I) -> Self::F {
+        self.f_from(|k| table[index.lane(k) as usize])
+    }
+    /// `table[index[k]]` in lane `k`. Lanes outside the table panic.
+    #[inline(always)]
+    fn gather_i(self, table: &[i32], index: Self::I) -> Self::I {
+        self.i_from(|k| table[index.lane(k) as usize])
+    }
+    /// Turns `WIDTH` rows of 8 numbers into 8 numbers of `WIDTH` lanes: `out[c]` lane `k` = `rows[k][c]`.
+    fn transpose8(self, rows: &[[f32; 8]]) -> [Self::F; 8];
+    /// Runs `f` compiled for this level, without forcing it to be inlined into the caller.
+    fn enter<R>(self, f: impl FnOnce() -> R) -> R;
+}
+
+/// Something to run at a [`Level`]. `run` must be `#[inline(always)]`.
+pub trait Kernel {
+    /// What it returns.
+    type Out;
+    /// The work, generic over the level.
+    fn run<L: Lane>(self, lane: L) -> Self::Out;
+}
+
+/// A SIMD level that this CPU has. The level changes the speed of a result, never its bits.
+#[derive(Clone, Copy, Debug)]
+pub struct Level(Which);
+
+#[derive(Clone, Copy, Debug)]
+enum Which {
+    Scalar(Fallback),
+    #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+    Sse(Sse2),
+    #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+    Avx2(Avx2),
+    #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+    Avx512(Avx512),
+    #[cfg(target_arch = "aarch64")]
+    Neon(fearless_simd::Neon),
+    #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+    Wasm(fearless_simd::WasmSimd128),
+}
+
+impl Level {
+    /// The names of all levels of all machines, in the words of `FRIEZE_SIMD`.
+    pub const NAMES: [&str; 6] = ["scalar", "sse", "avx2", "avx512", "neon", "simd128"];
+
+    /// The levels that this CPU has, slowest first.
+    pub fn available() -> Vec<Level> {
+        #[allow(unused_mut)]
+        let mut all = vec![Level(Which::Scalar(match CpuLevel::fallback() {
+            CpuLevel::Fallback(f) => f,
+            _ => unreachable!("the fallback level is the fallback level"),
+        }))];
+        #[cfg(any(target_arch = "x86", target_arch = "x86_64", target_arch = "aarch64", target_arch = "wasm32"))]
+        let cpu = CpuLevel::new();
+        #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+        {
+            all.extend(cpu.as_sse2().map(|t| Level(Which::Sse(t))));
+            all.extend(cpu.as_avx2().map(|t| Level(Which::Avx2(t))));
+            all.extend(cpu.as_avx512().map(|t| Level(Which::Avx512(t))));
+        }
+        #[cfg(target_arch = "aarch64")]
+        all.extend(cpu.as_neon().map(|t| Level(Which::Neon(t))));
+        #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+        all.extend(cpu.as_wasm_simd128().map(|t| Level(Which::Wasm(t))));
+        all
+    }
+
+    /// The fastest level of this CPU.
+    pub fn best() -> Level {
+        Self::available().pop().expect("the scalar level is always there")
+    }
+
+    /// The level called `name`, if this CPU has it.
+    pub fn named(name: &str) -> Option<Level> {
+        Self::available().into_iter().find(|l| l.name() == name)
+    }
+
+    /// `scalar`, `sse`, `avx2`, `avx512`, `neon` or `simd128`.
+    pub fn name(self) -> &'static str {
+        match self.0 {
+            Which::Scalar(_) => "scalar",
+            #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+            Which::Sse(_) => "sse",
+            #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+            Which::Avx2(_) => "avx2",
+            #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+            Which::Avx512(_) => "avx512",
+            #[cfg(target_arch = "aarch64")]
+            Which::Neon(_) => "neon",
+            #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+            Which::Wasm(_) => "simd128",
+        }
+    }
+
+    /// Runs `kernel` compiled for this level.
+    #[inline]
+    pub fn run<K: Kernel>(self, kernel: K) -> K::Out {
+        match self.0 {
+            Which::Scalar(t) => kernel.run(By8(t)),
+            #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+            Which::Sse(t) => t.vectorize(
+                #[inline(always)]
+                || kernel.run(By8(t)),
+            ),
+            #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+            Which::Avx2(t) => t.vectorize(
+                #[inline(always)]
+                || kernel.run(By8(t)),
+            ),
+            #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+            Which::Avx512(t) => t.vectorize(
+                #[inline(always)]
+                || kernel.run(By16(t)),
+            ),
+            #[cfg(target_arch = "aarch64")]
+            Which::Neon(t) => t.vectorize(
+                #[inline(always)]
+                || kernel.run(By8(t)),
+            ),
+            #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+            Which::Wasm(t) => t.vectorize(
+                #[inline(always)]
+                || kernel.run(By8(t)),
+            ),
+        }
+    }
+}
+
+impl Default for Level {
+    fn default() -> Self {
+        Self::best()
+    }
+}
+
+/// One lane: the same code at `f32`, for one pixel, one texel or a test.
+#[derive(Clone, Copy, Debug)]
+pub struct One;
+
+/// Eight lanes.
+#[derive(Clone, Copy, Debug)]
+pub struct By8<S>(S);
+
+/// Sixteen lanes.
+#[derive(Clone, Copy, Debug)]
+pub struct By16<S>(S);
+
+impl Mask for bool {
+    #[inline(always)]
+    fn bits(self) -> u32 {
+        self as u32
+    }
+    #[inline(always)]
+    fn all(self) -> bool {
+        self
+    }
+}
+
+impl Num for f32 {
+    type Mask = bool;
+    type Int = I1;
+    const WIDTH: usize = 1;
+    #[inline(always)]
+    fn lift(self, v: f32) -> Self {
+        v
+    }
+    #[inline(always)]
+    fn lift_mask(self, v: bool) -> bool {
+        v
+    }
+    #[inline(always)]
+    fn lane(self, _: usize) -> f32 {
+        self
+    }
+    #[inline(always)]
+    fn store(self, out: &mut [f32]) {
+        out[0] = self;
+    }
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        f32::sqrt(self)
+    }
+    #[inline(always)]
+    fn abs(self) -> Self {
+        f32::abs(self)
+    }
+    #[inline(always)]
+    fn floor(self) -> Self {
+        f32::floor(self)
+    }
+    #[inline(always)]
+    fn to_int(self) -> I1 {
+        I1(self as i32)
+    }
+    #[inline(always)]
+    fn to_bits(self) -> I1 {
+        I1(f32::to_bits(self) as i32)
+    }
+    #[inline(always)]
+    fn lt(self, o: Self) -> bool {
+        self < o
+    }
+    #[inline(always)]
+    fn le(self, o: Self) -> bool {
+        self <= o
+    }
+    #[inline(always)]
+    fn eq(self, o: Self) -> bool {
+        self == o
+    }
+    #[inline(always)]
+    fn or_else(self, m: bool, o: Self) -> Self {
+        if m { self } else { o }
+    }
+}
+
+/// One integer lane, with the wrapping arithmetic of the wide ones.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct I1(pub i32);
+
+macro_rules! wrapping {
+    ($($trait:ident $fn:ident $do:ident),*) => {$(
+        impl $trait for I1 {
+            type Output = I1;
+            #[inline(always)]
+            fn $fn(self, o: I1) -> I1 {
+                I1(self.0.$do(o.0))
+            }
+        }
+        impl $trait<i32> for I1 {
+            type Output = I1;
+            #[inline(always)]
+            fn $fn(self, o: i32) -> I1 {
+                I1(self.0.$do(o))
+            }
+        }
+    )*};
+}
+wrapping!(Add add wrapping_add, Sub sub wrapping_sub, Mul mul wrapping_mul, BitAnd bitand bitand, BitOr bitor bitor, BitXor bitxor bitxor);
+
+impl Shl<u32> for I1 {
+    type Output = I1;
+    #[inline(always)]
+    fn shl(self, n: u32) -> I1 {
+        I1(self.0.wrapping_shl(n))
+    }
+}
+
+impl Shr<u32> for I1 {
+    type Output = I1;
+    #[inline(always)]
+    fn shr(self, n: u32) -> I1 {
+        I1(self.0.wrapping_shr(n))
+    }
+}
+
+impl Int for I1 {
+    type Num = f32;
+    type Mask = bool;
+    #[inline(always)]
+    fn lift(self, v: i32) -> Self {
+        I1(v)
+    }
+    #[inline(always)]
+    fn lane(self, _: usize) -> i32 {
+        self.0
+    }
+    #[inline(always)]
+    fn store(self, out: &mut [i32]) {
+        out[0] = self.0;
+    }
+    #[inline(always)]
+    fn to_num(self) -> f32 {
+        self.0 as f32
+    }
+    #[inline(always)]
+    fn from_bits(self) -> f32 {
+        f32::from_bits(self.0 as u32)
+    }
+    #[inline(always)]
+    fn lt(self, o: Self) -> bool {
+        self.0 < o.0
+    }
+    #[inline(always)]
+    fn eq(self, o: Self) -> bool {
+        self.0 == o.0
+    }
+    #[inline(always)]
+    fn or_else(self, m: bool, o: Self) -> Self {
+        if m { self } else { o }
+    }
+}
+
+impl Lane for One {
+    type F = f32;
+    type I = I1;
+    type M = bool;
+    const WIDTH: usize = 1;
+    #[inline(always)]
+    fn f(self, v: f32) -> f32 {
+        v
+    }
+    #[inline(always)]
+    fn i(self, v: i32) -> I1 {
+        I1(v)
+    }
+    #[inline(always)]
+    fn load(self, s: &[f32]) -> f32 {
+        s[0]
+    }
+    #[inline(always)]
+    fn load_i(self, s: &[i32]) -> I1 {
+        I1(s[0])
+    }
+    #[inline(always)]
+    fn f_from(self, mut f: impl FnMut(usize) -> f32) -> f32 {
+        f(0)
+    }
+    #[inline(always)]
+    fn i_from(self, mut f: impl FnMut(usize) -> i32) -> I1 {
+        I1(f(0))
+    }
+    #[inline(always)]
+    fn mask(self, bits: u32) -> bool {
+        bits & 1 != 0
+    }
+    #[inline(always)]
+    fn transpose8(self, rows: &[[f32; 8]]) -> [f32; 8] {
+        rows[0]
+    }
+    #[inline(always)]
+    fn enter<R>(self, f: impl FnOnce() -> R) -> R {
+        f()
+    }
+}
+
+/// Wraps one width of the SIMD crate's vectors, so that no other file names them.
+macro_rules! wide {
+    ($By:ident, $F:ident, $I:ident, $M:ident, $f:ident, $i:ident, $m:ident, $n:tt) => {
+        #[doc = concat!(stringify!($n), " numbers.")]
+        #[derive(Clone, Copy, Debug)]
+        pub struct $F<S: Simd>($f<S>);
+        #[doc = concat!(stringify!($n), " integers.")]
+        #[derive(Clone, Copy, Debug)]
+        pub struct $I<S: Simd>($i<S>);
+        #[doc = concat!(stringify!($n), " truth values.")]
+        #[derive(Clone, Copy, Debug)]
+        pub struct $M<S: Simd>($m<S>);
+
+        wide!(@ops $F, f32, Add add +, Sub sub -, Mul mul *, Div div /);
+        wide!(@ops $I, i32, Add add +, Sub sub -, Mul mul *, BitAnd bitand &, BitOr bitor |, BitXor bitxor ^);
+
+        impl<S: Simd> Neg for $F<S> {
+            type Output = Self;
+            #[inline(always)]
+            fn neg(self) -> Self {
+                Self(-self.0)
+            }
+        }
+        impl<S: Simd> Shl<u32> for $I<S> {
+            type Output = Self;
+            #[inline(always)]
+            fn shl(self, n: u32) -> Self {
+                Self(self.0 << n)
+            }
+        }
+        impl<S: Simd> Shr<u32> for $I<S> {
+            type Output = Self;
+            #[inline(always)]
+            fn shr(self, n: u32) -> Self {
+                Self(self.0 >> n)
+            }
+        }
+        impl<S: Simd> BitAnd for $M<S> {
+            type Output = Self;
+            #[inline(always)]
+            fn bitand(self, o: Self) -> Self {
+                Self(self.0 & o.0)
+            }
+        }
+        impl<S: Simd> BitOr for $M<S> {
+            type Output = Self;
+            #[inline(always)]
+            fn bitor(self, o: Self) -> Self {
+                Self(self.0 | o.0)
+            }
+        }
+        impl<S: Simd> Not for $M<S> {
+            type Output = Self;
+            #[inline(always)]
+            fn not(self) -> Self {
+                Self(!self.0)
+            }
+        }
+        impl<S: Simd> Mask for $M<S> {
+            #[inline(always)]
+            fn bits(self) -> u32 {
+                self.0.to_bitmask() as u32
+            }
+            #[inline(always)]
+            fn any(self) -> bool {
+                self.0.any_true()
+            }
+            #[inline(always)]
+            fn all(self) -> bool {
+                self.0.all_true()
+            }
+        }
+        impl<S: Simd> Num for $F<S> {
+            type Mask = $M<S>;
+            type Int = $I<S>;
+            const WIDTH: usize = $n;
+            #[inline(always)]
+            fn lift(self, v: f32) -> Self {
+                Self($f::splat(self.0.token(), v))
+            }
+            #[inline(always)]
+            fn lift_mask(self, v: bool) -> $M<S> {
+                $M($m::splat(self.0.token(), v))
+            }
+            #[inline(always)]
+            fn lane(self, k: usize) -> f32 {
+                self.0.as_array()[k]
+            }
+            #[inline(always)]
+            fn store(self, out: &mut [f32]) {
+                self.0.store_slice(&mut out[..$n]);
+            }
+            #[inline(always)]
+            fn sqrt(self) -> Self {
+                Self(self.0.sqrt())
+            }
+            #[inline(always)]
+            fn abs(self) -> Self {
+                Self(self.0.abs())
+            }
+            #[inline(always)]
+            fn floor(self) -> Self {
+                Self(self.0.floor())
+            }
+            #[inline(always)]
+            fn to_int(self) -> $I<S> {
+                $I(self.0.to_int())
+            }
+            #[inline(always)]
+            fn to_bits(self) -> $I<S> {
+                $I(self.0.bitcast())
+            }
+            #[inline(always)]
+            fn lt(self, o: Self) -> $M<S> {
+                $M(self.0.simd_lt(o.0))
+            }
+            #[inline(always)]
+            fn le(self, o: Self) -> $M<S> {
+                $M(self.0.simd_le(o.0))
+            }
+            #[inline(always)]
+            fn eq(self, o: Self) -> $M<S> {
+                $M(self.0.simd_eq(o.0))
+            }
+            #[inline(always)]
+            fn or_else(self, m: $M<S>, o: Self) -> Self {
+                Self(m.0.select(self.0, o.0))
+            }
+        }
+        impl<S: Simd> Int for $I<S> {
+            type Num = $F<S>;
+            type Mask = $M<S>;
+            #[inline(always)]
+            fn lift(self, v: i32) -> Self {
+                Self($i::splat(self.0.token(), v))
+            }
+            #[inline(always)]
+            fn lane(self, k: usize) -> i32 {
+                self.0.as_array()[k]
+            }
+            #[inline(always)]
+            fn store(self, out: &mut [i32]) {
+                self.0.store_slice(&mut out[..$n]);
+            }
+            #[inline(always)]
+            fn to_num(self) -> $F<S> {
+                $F(self.0.to_float())
+            }
+            #[inline(always)]
+            fn from_bits(self) -> $F<S> {
+                $F(self.0.bitcast())
+            }
+            #[inline(always)]
+            fn lt(self, o: Self) -> $M<S> {
+                $M(self.0.simd_lt(o.0))
+            }
+            #[inline(always)]
+            fn eq(self, o: Self) -> $M<S> {
+                $M(self.0.simd_eq(o.0))
+            }
+            #[inline(always)]
+            fn or_else(self, m: $M<S>, o: Self) -> Self {
+                Self(m.0.select(self.0, o.0))
+            }
+        }
+        impl<S: Simd> Lane for $By<S> {
+            type F = $F<S>;
+            type I = $I<S>;
+            type M = $M<S>;
+            const WIDTH: usize = $n;
+            #[inline(always)]
+            fn f(self, v: f32) -> $F<S> {
+                $F($f::splat(self.0, v))
+            }
+            #[inline(always)]
+            fn i(self, v: i32) -> $I<S> {
+                $I($i::splat(self.0, v))
+            }
+            #[inline(always)]
+            fn load(self, s: &[f32]) -> $F<S> {
+                $F($f::from_slice(self.0, &s[..$n]))
+            }
+            #[inline(always)]
+            fn load_i(self, s: &[i32]) -> $I<S> {
+                $I($i::from_slice(self.0, &s[..$n]))
+            }
+            #[inline(always)]
+            fn f_from(self, f: impl FnMut(usize) -> f32) -> $F<S> {
+                $F($f::from_fn(self.0, f))
+            }
+            #[inline(always)]
+            fn i_from(self, f: impl FnMut(usize) -> i32) -> $I<S> {
+                $I($i::from_fn(self.0, f))
+            }
+            #[inline(always)]
+            fn mask(self, bits: u32) -> $M<S> {
+                $M($m::from_bitmask(self.0, bits as u64))
+            }
+            #[inline(always)]
+            fn transpose8(self, rows: &[[f32; 8]]) -> [$F<S>; 8] {
+                wide!(@transpose $n self rows $F)
+            }
+            #[inline(always)]
+            fn enter<R>(self, f: impl FnOnce() -> R) -> R {
+                self.0.vectorize(f)
+            }
+        }
+    };
+    (@ops $T:ident, $e:ty, $($trait:ident $fn:ident $op:tt),*) => {$(
+        impl<S: Simd> $trait for $T<S> {
+            type Output = Self;
+            #[inline(always)]
+            fn $fn(self, o: Self) -> Self {
+                Self(self.0 $op o.0)
+            }
+        }
+        impl<S: Simd> $trait<$e> for $T<S> {
+            type Output = Self;
+            #[inline(always)]
+            fn $fn(self, o: $e) -> Self {
+                Self(self.0 $op o)
+            }
+        }
+    )*};
+    (@transpose 8 $self:ident $rows:ident $F:ident) => {{
+        let rows = &$rows[..8];
+        let r = |k: usize| f32x8::from_slice($self.0, &rows[k]);
+        transpose8x8([r(0), r(1), r(2), r(3), r(4), r(5), r(6), r(7)]).map($F)
+    }};
+    (@transpose 16 $self:ident $rows:ident $F:ident) => {{
+        let rows = &$rows[..16];
+        let r = |k: usize| f32x8::from_slice($self.0, &rows[k]);
+        let lo = transpose8x8([r(0), r(1), r(2), r(3), r(4), r(5), r(6), r(7)]);
+        let hi = transpose8x8([r(8), r(9), r(10), r(11), r(12), r(13), r(14), r(15)]);
+        core::array::from_fn(|c| $F(lo[c].token().combine_f32x8(lo[c], hi[c])))
+    }};
+}
+wide!(By8, F8, I8, M8, f32x8, i32x8, mask32x8, 8);
+wide!(By16, F16, I16, M16, f32x16, i32x16, mask32x16, 16);
+
+/// Three rounds of riffling rows that lie four apart.
+#[inline(always)]
+fn transpose8x8<S: Simd>(r: [f32x8<S>; 8]) -> [f32x8<S>; 8] {
+    let round = |r: [f32x8<S>; 8]| {
+        let s = r[0].token();
+        let lo = |a, b| s.zip_low_f32x8(a, b);
+        let hi = |a, b| s.zip_high_f32x8(a, b);
+        [
+            lo(r[0], r[4]),
+            hi(r[0], r[4]),
+            lo(r[1], r[5]),
+            hi(r[1], r[5]),
+            lo(r[2], r[6]),
+            hi(r[2], r[6]),
+            lo(r[3], r[7]),
+            hi(r[3], r[7]),
+        ]
+    };
+    round(round(round(r)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    struct Probe;
+    impl Kernel for Probe {
+        type Out = (usize, Vec<u32>);
+        #[inline(always)]
+        fn run<L: Lane>(self, l: L) -> Self::Out {
+            let mut bits = Vec::new();
+            for block in 0..16 / L::WIDTH {
+                let x = (l.ramp() + (block * L::WIDTH) as i32).to_num() * 0.37 - 2.5;
+                let y = x.mix(x * x, x.abs().sqrt()).max(x.lift(-1.0)) / (x.floor() + 3.25);
+                let z = y.or_else(x.lt(y), x).clamp(-1.5, 1.5);
+                let i = (z * 100.0).to_int().max(l.i(-7)) * 3 + ((z.to_bits() >> 20) & 15);
+                for k in 0..L::WIDTH {
+                    bits.push(z.lane(k).to_bits() ^ i.lane(k) as u32);
+                }
+            }
+            (L::WIDTH, bits)
+        }
+    }
+
+    #[test]
+    fn every_level_gives_the_same_bits() {
+        let mut want = Vec::new();
+        // One lane at a time, shifted: the scalar truth.
+        for k in 0..16 {
+            let x = k as f32 * 0.37 - 2.5;
+            let y = Num::mix(x, x * x, Num::sqrt(Num::abs(x)));
+            let y = Num::max(y, -1.0) / (Num::floor(x) + 3.25);
+            let z = Num::clamp(Num::or_else(y, x < y, x), -1.5, 1.5);
+            let i = Num::to_int(z * 100.0).max(I1(-7)) * 3 + ((Num::to_bits(z) >> 20) & 15);
+            want.push(f32::to_bits(z) ^ i.0 as u32);
+        }
+        for level in Level::available() {
+            let (_, got) = level.run(Probe);
+            assert_eq!(got, want, "{}", level.name());
+        }
+    }
+
+    struct Transpose;
+    impl Kernel for Transpose {
+        type Out = ();
+        #[inline(always)]
+        fn run<L: Lane>(self, l: L) {
+            let rows: Vec<[f32; 8]> = (0..L::WIDTH).map(|k| core::array::from_fn(|c| (k * 8 + c) as f32)).collect();
+            let cols = l.transpose8(&rows);
+            for (c, col) in cols.iter().enumerate() {
+                for k in 0..L::WIDTH {
+                    assert_eq!(col.lane(k), (k * 8 + c) as f32);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn transpose_moves_rows_to_columns() {
+        Transpose.run(One);
+        for level in Level::available() {
+            level.run(Transpose);
+        }
+    }
+
+    #[test]
+    fn min_and_max_have_a_nan_rule() {
+        assert_eq!(Num::min(f32::NAN, 1.0), 1.0);
+        assert_eq!(Num::max(f32::NAN, 1.0), 1.0);
+        assert_eq!(Num::saturate(f32::NAN), 0.0);
+    }
+}

@@ -1,0 +1,1 @@
+//! The GGX distribution, Smith masking, Fresnel, and their sampling.

@@ -1,0 +1,1 @@
+//! Low-discrepancy sequences and hemispheres.

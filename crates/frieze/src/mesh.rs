@@ -1,0 +1,10 @@
+//! Meshes: what they are, who touches whom, tangents, clusters for culling, built-in shapes.
+
+#[allow(clippy::module_inception)]
+pub mod mesh;
+pub mod meshlet;
+pub mod shape;
+pub mod tangent;
+pub mod topology;
+
+pub use mesh::{Attribute, Mesh, Polygons};

@@ -1,0 +1,1 @@
+//! Built-in shapes, made by code.

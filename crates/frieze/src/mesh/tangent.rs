@@ -1,0 +1,1 @@
+//! Tangent frames: MikkTSpace, averaged, per triangle.

@@ -1,0 +1,1 @@
+//! The one shading definition: surface + maps + lights -> colour.
