@@ -73,9 +73,7 @@ pub fn light_vertex<L: Lane>(
     let at = brdf::Place { position, view, normal: n, geometric: n, active, turn: None };
     match look.model {
         Model::Unlit => Lit::dark(l),
-        Model::BlinnPhong => {
-            brdf::light_blinn_phong(l, look, lights, &at, l.f(look.shininess), look.exponent, &mut Silent)
-        }
+        Model::BlinnPhong => brdf::light_blinn_phong(l, lights, &at, l.f(look.shininess), look.exponent, &mut Silent),
         Model::Pbr => {
             let m = brdf::Metal::of_factors(l, look);
             brdf::light_pbr(l, lights, &at, &m, &mut Silent)

@@ -3,6 +3,7 @@
 use super::lamp::Lights;
 use super::probe::{Note, Probe};
 use crate::map::{Footprint, Map};
+use crate::math::exact;
 use crate::math::lane::{Lane, Num};
 use crate::math::vec::{Vec2, Vec3, Vec4};
 use crate::scene::{Alpha, Channel, Material, Model, Shading, TangentFrame, TbnPath, Texture};
@@ -104,39 +105,26 @@ fn transform(t: &Texture) -> Option<[[f32; 3]; 2]> {
     (m != [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]).then_some(m)
 }
 
-/// Cosine of degrees, exact at multiples of 90 (of 60 up to rounding). 0 for what is not finite.
+/// Cosine of degrees, exact at multiples of 90; 0 for what is not finite.
 pub(super) fn cos_degrees(degrees: f32) -> f32 {
     sin_f64(f64::from(degrees) + 90.0)
 }
 
-/// Sine of degrees, exact at multiples of 90.
-pub(super) fn sin_degrees(degrees: f32) -> f32 {
+/// Sine of degrees, exact at multiples of 90; 0 for what is not finite.
+fn sin_degrees(degrees: f32) -> f32 {
     sin_f64(f64::from(degrees))
 }
 
 fn sin_f64(degrees: f64) -> f32 {
-    if !degrees.is_finite() {
-        return 0.0;
+    let d = degrees - 360.0 * (degrees / 360.0).round();
+    match d {
+        _ if !d.is_finite() => 0.0,
+        90.0 => 1.0,
+        -90.0 => -1.0,
+        // sin_f64(pi) is not quite 0.
+        180.0 | -180.0 => 0.0,
+        _ => exact::sin_f64(d.to_radians()) as f32,
     }
-    // To -180 ..= 180, then mirrored to -90 ..= 90, where the series below is good to 1e-11.
-    let mut d = degrees - 360.0 * (degrees / 360.0).round();
-    if d > 90.0 {
-        d = 180.0 - d;
-    } else if d < -90.0 {
-        d = -180.0 - d;
-    }
-    if d.abs() == 90.0 {
-        return d.signum() as f32;
-    }
-    let x = d.to_radians();
-    let mut term = x;
-    let mut sum = x;
-    for k in 1..9 {
-        let n = f64::from(2 * k);
-        term *= -x * x / (n * (n + 1.0));
-        sum += term;
-    }
-    sum as f32
 }
 
 /// What a map beside albedo, alpha and normal is for.
@@ -178,6 +166,25 @@ pub(super) struct Factors<N> {
     pub metallic: N,
     pub roughness: N,
     pub occlusion: N,
+}
+
+impl<N: Num> Factors<N> {
+    /// Without maps.
+    #[inline(always)]
+    pub(super) fn ones<L: Lane<F = N>>(l: L) -> Self {
+        let one = l.f(1.0);
+        let white = Vec3::splat(one);
+        Factors {
+            ambient: white,
+            specular: white,
+            emissive: white,
+            specular_factor: one,
+            shininess: one,
+            metallic: one,
+            roughness: one,
+            occlusion: one,
+        }
+    }
 }
 
 /// A tangent-space normal map.
@@ -352,18 +359,7 @@ impl Look {
     /// What all other maps say.
     #[inline(always)]
     pub(super) fn factors<L: Lane, P: Probe<L>>(&self, l: L, s: &Surface<L>, probe: &mut P) -> Factors<L::F> {
-        let one = l.f(1.0);
-        let white = Vec3::splat(one);
-        let mut f = Factors {
-            ambient: white,
-            specular: white,
-            emissive: white,
-            specular_factor: one,
-            shininess: one,
-            metallic: one,
-            roughness: one,
-            occlusion: one,
-        };
+        let mut f = Factors::ones(l);
         for (slot, roles) in &self.others {
             let texel = slot.at(l, s, roles[0].name(), probe);
             for role in roles {
