@@ -1,6 +1,7 @@
 //! Models, images and scene files: path in, scene and findings out. The only room that reads files.
 
 use crate::error::{Finding, Result};
+use crate::image::Image;
 use crate::job::Job;
 use crate::scene::Scene;
 use std::path::Path;
@@ -29,4 +30,12 @@ pub struct Loaded {
 /// Input faults name the file, the place in it and a remedy.
 pub fn load(_path: &Path, _options: &LoadOptions) -> Result<Loaded> {
     unimplemented!("lands with the loaders")
+}
+
+/// Decodes an image file.
+///
+/// # Errors
+/// Input faults name the file, the place in it and a remedy.
+pub fn image(_path: &Path, _options: &LoadOptions) -> Result<(Image, Vec<Finding>)> {
+    unimplemented!("lands with the decoders")
 }
