@@ -7,7 +7,7 @@
 //!
 //! Where a result is NaN, only that it is NaN is the same everywhere: the payload may differ.
 
-use super::lane::{Int, Mask, Num};
+use super::lane::{Int, Num};
 
 /// `c[0] + x (c[1] + x (c[2] + ...))`, Horner's order.
 #[inline(always)]
