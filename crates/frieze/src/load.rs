@@ -1,5 +1,7 @@
 //! Models, images and scene files: path in, scene and findings out. The only room that reads files.
 
+mod decode;
+
 use crate::error::{Finding, Result};
 use crate::job::Job;
 use crate::scene::Scene;
