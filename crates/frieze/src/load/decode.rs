@@ -63,7 +63,7 @@ impl Kind {
 /// # Errors
 /// Input faults: `image.unknown-format`, `image.corrupt`, `image.unsupported`, `image.empty`,
 /// `image.too-large`; `job.memory` when the pixels do not fit the budget; `job.interrupted`.
-pub(crate) fn image(bytes: &[u8], name: &Path, job: &Job) -> Result<(Image, Vec<Finding>)> {
+pub fn image(bytes: &[u8], name: &Path, job: &Job) -> Result<(Image, Vec<Finding>)> {
     job.check()?;
     let mut findings = Vec::new();
     let kind = Kind::of(bytes, name).ok_or_else(|| {
