@@ -84,7 +84,7 @@ pub fn run(a: &Render, common: &Common, talk: &Talk) -> Result<()> {
     let aovs = a.aov.iter().filter_map(|p| if let Plane::Extra(aov) = p { Some(*aov) } else { None }).collect();
     let options =
         RenderOptions { job: job.clone(), level, size, samples: a.samples.unwrap_or(0), camera, format, aovs };
-    let prepared = Prepared::new(scene, &options)?;
+    let prepared = Prepared::new(scene, &options.job)?;
     job.check()?;
     clock.lap("prepare");
 
@@ -104,7 +104,7 @@ pub fn run(a: &Render, common: &Common, talk: &Talk) -> Result<()> {
             Target::Stdout => {
                 // Encoded whole before the first byte leaves, so that a failure leaves nothing behind.
                 let mut png = Vec::new();
-                frieze::write::png_to(&mut png, &picture)?;
+                frieze::write::png_to(&mut png, &picture, job)?;
                 job.check()?;
                 talk.finish();
                 talk::data(&png)?;

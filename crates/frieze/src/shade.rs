@@ -80,3 +80,13 @@ pub fn light_vertex<L: Lane>(
         }
     }
 }
+
+/// The unit normal that a surface is shaded with, world space, normal map included.
+#[inline(always)]
+pub fn shading_normal<L: Lane>(l: L, look: &Look, s: &Surface<L>) -> Vec3<L::F> {
+    let facing = look.facing(l, s, &mut Silent);
+    match facing.turn {
+        None => facing.normal,
+        Some([t, b, n]) => t * facing.normal.x + b * facing.normal.y + n * facing.normal.z,
+    }
+}

@@ -165,18 +165,11 @@ fn triangles(place: &Place<'_>, wanted: impl Fn(Class) -> bool, mut each: impl F
     let all = sample_positions(place.target.samples).iter().flatten();
     let range = all.fold((255, 0), |(lo, hi), &v| (lo.min(v), hi.max(v)));
     for &Entry { part, what, mask } in place.bins.tile(place.tile) {
-        if mask == 0 {
-            let piece = &place.bins.parts[part as usize].pieces[what as usize];
-            let record = place.bins.base(part) + piece.record;
-            let class = place.bins.records[record as usize].class;
-            if wanted(class)
-                && let Some(setup) = Setup::new(piece.corners, origin, size, range)
-            {
-                each(&setup, record << 7 | u32::from(piece.triangle), class);
-            }
-            continue;
-        }
-        let r = &place.bins.records[what as usize];
+        // A piece of a clipped triangle goes the same way as the triangles of a cluster: one loop for both keeps
+        // what is inlined into it small.
+        let piece = (mask == 0).then(|| &place.bins.parts[part as usize].pieces[what as usize]);
+        let record = piece.map_or(what, |p| place.bins.base(part) + p.record);
+        let r = &place.bins.records[record as usize];
         if !wanted(r.class) {
             continue;
         }
@@ -185,17 +178,22 @@ fn triangles(place: &Place<'_>, wanted: impl Fn(Class) -> bool, mut each: impl F
         let vertices = &place.bins.parts[r.part as usize].vertices[r.vertices as usize..];
         let vertices = &vertices[..m.vertex_count as usize];
         let triangles = &mesh.triangles[m.triangles as usize..][..m.triangle_count as usize];
-        let mut rest = mask;
+        let mut rest = piece.map_or(mask, |p| 1 << p.triangle);
         while rest != 0 {
             let t = rest.trailing_zeros();
             rest &= rest - 1;
-            let ids = triangles[t as usize];
-            let corner = |k: usize| {
-                let v = vertices[usize::from(ids[k])];
-                [v[0], v[1], v[2]]
+            let corners = match piece {
+                Some(piece) => piece.corners,
+                None => {
+                    let ids = triangles[t as usize];
+                    [0, 1, 2].map(|k| {
+                        let v = vertices[usize::from(ids[k])];
+                        [v[0], v[1], v[2]]
+                    })
+                }
             };
-            if let Some(setup) = Setup::new([corner(0), corner(1), corner(2)], origin, size, range) {
-                each(&setup, what << 7 | t, r.class);
+            if let Some(setup) = Setup::new(corners, origin, size, range) {
+                each(&setup, record << 7 | t, r.class);
             }
         }
     }

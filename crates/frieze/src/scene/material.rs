@@ -282,6 +282,13 @@ impl Default for Material {
 }
 
 impl Material {
+    /// Whether shading reads tangents.
+    pub fn needs_tangent(&self) -> bool {
+        self.normal_map.is_some()
+            && self.shading == Shading::Phong
+            && self.model != Model::Unlit
+            && !matches!(self.tangent_frame, TangentFrame::FromNormal | TangentFrame::Games101)
+    }
     /// Every texture that some slot holds, with whether the slot is colour.
     pub fn textures(&self) -> impl Iterator<Item = (&Texture, bool)> {
         let color = [&self.albedo_map, &self.ambient_map, &self.specular_map, &self.emissive_map];
