@@ -81,15 +81,15 @@ impl Map {
             match self.pyramid.texels() {
                 Texels::Rgba8(t) => l.enter(
                     #[inline(always)]
-                    || self.wide(l, t, place, footprint, active, &mut Quiet),
+                    || self.wide::<L, _, _, false>(l, t, place, footprint, active, &mut Quiet),
                 ),
                 Texels::Rgba16(t) => l.enter(
                     #[inline(always)]
-                    || self.wide(l, t, place, footprint, active, &mut Quiet),
+                    || self.wide::<L, _, _, false>(l, t, place, footprint, active, &mut Quiet),
                 ),
                 Texels::F32(t) => l.enter(
                     #[inline(always)]
-                    || self.wide(l, t, place, footprint, active, &mut Quiet),
+                    || self.wide::<L, _, _, false>(l, t, place, footprint, active, &mut Quiet),
                 ),
             }
         } else {
@@ -118,9 +118,9 @@ impl Map {
         let mut ear = Ear { pyramid: &self.pyramid, taps };
         if self.is_wide() {
             match self.pyramid.texels() {
-                Texels::Rgba8(t) => self.wide(One, t, place, footprint, true, &mut ear),
-                Texels::Rgba16(t) => self.wide(One, t, place, footprint, true, &mut ear),
-                Texels::F32(t) => self.wide(One, t, place, footprint, true, &mut ear),
+                Texels::Rgba8(t) => self.wide::<One, _, _, false>(One, t, place, footprint, true, &mut ear),
+                Texels::Rgba16(t) => self.wide::<One, _, _, false>(One, t, place, footprint, true, &mut ear),
+                Texels::F32(t) => self.wide::<One, _, _, false>(One, t, place, footprint, true, &mut ear),
             }
         } else {
             self.single(place, footprint, &mut ear)
@@ -148,8 +148,9 @@ impl Map {
         !border && !rare
     }
 
+    /// The filters that go side by side. With `BORDER` (one lane only) an axis may have one.
     #[inline(always)]
-    fn wide<L: Lane, S: Store, H: Listen>(
+    pub(super) fn wide<L: Lane, S: Store, H: Listen, const BORDER: bool>(
         &self,
         l: L,
         texels: &[S],
@@ -160,35 +161,54 @@ impl Map {
     ) -> Vec4<L::F> {
         let mips = self.pyramid.mips();
         let one = l.f(1.0);
-        let place = Vec2::new(fold(self.wrap[0], place.x), fold(self.wrap[1], place.y));
+        let folded = Vec2::new(fold(self.wrap[0], place.x), fold(self.wrap[1], place.y));
         S::finish(match self.filter {
-            Filter::Nearest => {
-                // The texel under the place; its neighbours are fetched along and not used.
-                let s = mips[0];
-                let x = (place.x * s.width as f32).floor().min(l.f((s.width - 1) as f32));
-                let y = (place.y * s.height as f32).floor().min(l.f((s.height - 1) as f32));
-                let center = Vec2::new((x + 0.5) / s.width as f32, (y + 0.5) / s.height as f32);
-                let _ = center;
-                let i = y.to_int() * (s.pitch as i32) + x.to_int() + (s.offset as i32);
-                if H::ON {
-                    listen.tap(s, x.lane(0) as u32, y.lane(0) as u32, 1.0);
-                }
-                S::four(l, texels, i, i)[0]
+            Filter::Nearest => self.nearest::<L, S, H, BORDER>(l, texels, folded, listen),
+            Filter::Bilinear => {
+                bilinear::<L, S, H, BORDER>(l, texels, At::uniform(l, mips[0]), self.wrap, folded, one, listen)
             }
-            Filter::Bilinear => bilinear(l, texels, At::uniform(l, mips[0]), self.wrap, place, one, listen),
             Filter::MipNearest => {
-                let last = (mips.len() - 1) as f32;
-                let d = (self.level_of(l, footprint) + 0.5).floor().clamp(0.0, last);
+                let d = (self.level_of(l, footprint) + 0.5).floor().clamp(0.0, (mips.len() - 1) as f32);
                 let [at, _] = two_levels(l, mips, d.to_int(), active);
-                bilinear(l, texels, at, self.wrap, place, one, listen)
+                bilinear::<L, S, H, BORDER>(l, texels, at, self.wrap, folded, one, listen)
             }
-            _ => self.trilinear(l, texels, place, self.level_of(l, footprint), one, active, listen),
+            Filter::Anisotropic { max } => {
+                self.anisotropic::<L, S, H, BORDER>(l, texels, place, footprint, max, active, listen)
+            }
+            _ => {
+                let lod = self.level_of(l, footprint);
+                self.trilinear::<L, S, H, BORDER>(l, texels, folded, lod, one, active, listen)
+            }
         })
+    }
+
+    /// The texel `floor(u n)` of the finest level (row 38). `place` is folded.
+    #[inline(always)]
+    fn nearest<L: Lane, S: Store, H: Listen, const BORDER: bool>(
+        &self,
+        l: L,
+        texels: &[S],
+        place: Vec2<L::F>,
+        listen: &mut H,
+    ) -> Raw<L> {
+        let s = self.pyramid.mips()[0];
+        let (x, y) = ((place.x * s.width as f32).floor(), (place.y * s.height as f32).floor());
+        if BORDER {
+            let v = fetch::texel(texels, s, self.wrap, x.lane(0) as i64, y.lane(0) as i64, 1.0, listen);
+            return [l.f(v[0]), l.f(v[1]), l.f(v[2]), l.f(v[3])];
+        }
+        // A folded 1 is still the last texel.
+        let (x, y) = (x.min(l.f((s.width - 1) as f32)), y.min(l.f((s.height - 1) as f32)));
+        if H::ON {
+            listen.tap(s, x.lane(0) as u32, y.lane(0) as u32, 1.0);
+        }
+        let i = y.to_int() * (s.pitch as i32) + x.to_int() + (s.offset as i32);
+        S::four(l, texels, i, i)[0]
     }
 
     /// Between the two levels around `lod` (row 44). `place` is folded.
     #[inline(always)]
-    fn trilinear<L: Lane, S: Store, H: Listen>(
+    fn trilinear<L: Lane, S: Store, H: Listen, const BORDER: bool>(
         &self,
         l: L,
         texels: &[S],
@@ -202,14 +222,62 @@ impl Map {
         let lod = lod.clamp(0.0, (mips.len() - 1) as f32);
         if (lod.le(l.f(0.0)) | !active).all() {
             // Magnified: the finest level alone, as every lane would find it with a fraction of 0.
-            return bilinear(l, texels, At::uniform(l, mips[0]), self.wrap, place, weight, listen);
+            return bilinear::<L, S, H, BORDER>(l, texels, At::uniform(l, mips[0]), self.wrap, place, weight, listen);
         }
         let d = lod.floor();
         let t = lod - d;
         let [fine, coarse] = two_levels(l, mips, d.to_int(), active);
-        let a = bilinear(l, texels, fine, self.wrap, place, weight * (l.f(1.0) - t), listen);
-        let b = bilinear(l, texels, coarse, self.wrap, place, weight * t, listen);
+        let a = bilinear::<L, S, H, BORDER>(l, texels, fine, self.wrap, place, weight * (l.f(1.0) - t), listen);
+        let b = bilinear::<L, S, H, BORDER>(l, texels, coarse, self.wrap, place, weight * t, listen);
         fetch::mix4(t, a, b)
+    }
+
+    /// The mean of up to `max` trilinear probes, evenly along the longer axis of the footprint's ellipse, at
+    /// the level of its shorter axis (of the probes' distance, where `max` is too few). The ellipse is the
+    /// image of a disk, so turning the pixel grid does not matter.
+    #[inline(always)]
+    fn anisotropic<L: Lane, S: Store, H: Listen, const BORDER: bool>(
+        &self,
+        l: L,
+        texels: &[S],
+        place: Vec2<L::F>,
+        footprint: Footprint<L::F>,
+        max: u32,
+        active: L::M,
+        listen: &mut H,
+    ) -> Raw<L> {
+        let s = self.pyramid.mips()[0];
+        let max = max.clamp(1, 64);
+        let f = footprint.texels(s.width as f32, s.height as f32);
+        // J J^T = [a b; b c]; its eigenvalues are the squared axes.
+        let (a, c) = (f.dudx * f.dudx + f.dudy * f.dudy, f.dvdx * f.dvdx + f.dvdy * f.dvdy);
+        let b = f.dudx * f.dvdx + f.dudy * f.dvdy;
+        let d = (a - c) * 0.5;
+        let r = (d * d + b * b).sqrt();
+        let long2 = (a + c) * 0.5 + r;
+        let area = (f.dudx * f.dvdy - f.dudy * f.dvdx).abs();
+        // A hundredth more than a whole number of probes is rounding. NaN (0/0) makes one probe.
+        let count = -(-(long2 / area - 0.01)).floor();
+        let count = count.clamp(1.0, max as f32);
+        let flat = d.lt(l.f(0.0));
+        let axis = Vec2::new(b.or_else(flat, d + r), (r - d).or_else(flat, b)).normalize() * long2.sqrt();
+        let lod = half_log2((long2 / (count * count)).max(area * area / long2));
+        let mut sum: Raw<L> = [l.f(0.0); 4];
+        let share = count.recip();
+        for k in 0..max {
+            let on = l.f(k as f32).lt(count) & active;
+            if !on.any() {
+                break;
+            }
+            let t = (l.f(k as f32) + 0.5) / count - 0.5;
+            let p = Vec2::new(place.x + axis.x * t / s.width as f32, place.y + axis.y * t / s.height as f32);
+            let p = Vec2::new(fold(self.wrap[0], p.x), fold(self.wrap[1], p.y));
+            let v = self.trilinear::<L, S, H, BORDER>(l, texels, p, lod, share, on, listen);
+            for c in 0..4 {
+                sum[c] = (sum[c] + v[c]).or_else(on, sum[c]);
+            }
+        }
+        [sum[0] / count, sum[1] / count, sum[2] / count, sum[3] / count]
     }
 
     /// Any filter and wrap, for one lane.
