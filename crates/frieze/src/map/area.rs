@@ -26,8 +26,9 @@ pub(super) fn look<S: Store, H: Listen>(m: &Map, texels: &[S], place: Vec2, f: F
         Filter::Ripmap if !m.pyramid.rips().is_empty() => S::finish(a.ripmap(place, f_texels, listen)),
         Filter::Ewa { radius } => S::finish(a.ewa(place, f, radius, listen)),
         Filter::Supersample { taps } => S::finish(a.supersample(place, f, taps, listen)),
-        _ if border => m.wide::<One, S, H, true>(One, texels, place, f, true, listen),
-        _ => m.wide::<One, S, H, false>(One, texels, place, f, true, listen),
+        Filter::Nearest => S::finish(a.nearest(place, listen)),
+        _ if border => m.wide::<One, H, true>(One, place, f, true, listen),
+        _ => m.wide::<One, H, false>(One, place, f, true, listen),
     }
 }
 
@@ -50,6 +51,17 @@ impl<S: Store> Asked<'_, S> {
         } else {
             bilinear::<One, S, H, false>(One, self.texels, at, wrap, p, weight, listen)
         }
+    }
+
+    /// The texel `floor(u n)` of the finest level (row 38).
+    fn nearest<H: Listen>(&self, place: Vec2, listen: &mut H) -> [f32; 4] {
+        let (s, wrap) = (self.map.pyramid.mips()[0], self.map.wrap);
+        let index = |wrap, u: f32, n: u32| match ((fold(wrap, u) * n as f32).floor() as i64, wrap) {
+            (i, Wrap::Border) => i,
+            (i, _) => i.min(i64::from(n) - 1), // a folded 1 is still the last texel
+        };
+        let (x, y) = (index(wrap[0], place.x, s.width), index(wrap[1], place.y, s.height));
+        texel(self.texels, s, wrap, x, y, 1.0, listen)
     }
 
     /// Row 40: sixteen texels, Catmull-Rom, first along u, then along v.
