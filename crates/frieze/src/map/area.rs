@@ -127,12 +127,13 @@ impl<S: Store> Asked<'_, S> {
         sum.map(|v| (v / f64::from(n * n)) as f32)
     }
 
-    /// Row 46, after Heckbert 1989: texels under an ellipse, weighted by a Gaussian. Its covariance is that of
+    /// Row 46, after Heckbert 1989: texels under an ellipse, weighted by a squared Gaussian
+    /// (boxier than a Gaussian). Its covariance is that of
     /// a pixel (a disk of `radius` has r^2/4 along each axis: 1/12, as a box pixel, by default), plus that of
     /// bilinear reconstruction, less that of the box by which the level's texels were already averaged. The
     /// level is the coarsest where the ellipse's shorter axis still spans three texels.
     fn ewa<H: Listen>(&self, place: Vec2, f: Footprint<f32>, radius: f32, listen: &mut H) -> [f32; 4] {
-        const CUT: f32 = 2.5; // standard deviations
+        const CUT: f32 = 3.0; // standard deviations
         const MOST: f32 = 64.0; // longer axis to shorter; the shorter one is widened beyond
         let mips = self.map.pyramid.mips();
         let last = mips.len() - 1;
@@ -167,6 +168,9 @@ impl<S: Store> Asked<'_, S> {
         let wrap = self.map.wrap;
         let x0 = fold(wrap[0], place.x) * s.width as f32 - 0.5;
         let y0 = fold(wrap[1], place.y) * s.height as f32 - 0.5;
+        // exp(-(q/q0)^2), whose second moment is that of the Gaussian exp(-q/2): nearer to a box, in error on
+        // checkers as much as in shape. q0 = 2 sqrt(pi).
+        let weigh = |q: f32| exact::exp(-(q / 3.544_907_7) * (q / 3.544_907_7));
         let reach = CUT * c.sqrt();
         let visit = |put: &mut dyn FnMut(i64, i64, f32)| {
             for y in (y0 - reach).ceil() as i64..=(y0 + reach).floor() as i64 {
@@ -176,7 +180,7 @@ impl<S: Store> Asked<'_, S> {
                 let width = (half * half - rest / qa).max(0.0).sqrt();
                 for x in (x0 + half - width).ceil() as i64..=(x0 + half + width).floor() as i64 {
                     let dx = x as f32 - x0;
-                    put(x, y, exact::exp(-0.5 * ((qa * dx + qb * dy) * dx + qc * dy * dy)));
+                    put(x, y, weigh((qa * dx + qb * dy) * dx + qc * dy * dy));
                 }
             }
         };
