@@ -7,6 +7,9 @@
 //!
 //! Where a result is NaN, only that it is NaN is the same everywhere: the payload may differ.
 
+// Coefficients stand as published or computed, with a digit to spare; x - x is NaN for infinities.
+#![allow(clippy::excessive_precision, clippy::eq_op)]
+
 use super::lane::{Int, Num};
 
 /// `c[0] + x (c[1] + x (c[2] + ...))`, Horner's order.
