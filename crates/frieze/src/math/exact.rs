@@ -422,25 +422,13 @@ pub fn atan2_f64(y: f64, x: f64) -> f64 {
 
 /// Arc cosine in radians in double precision, error below 1e-15; arguments beyond ±1 count as ±1.
 pub fn acos_f64(x: f64) -> f64 {
-    let x = if x > 1.0 {
-        1.0
-    } else if x < -1.0 {
-        -1.0
-    } else {
-        x
-    };
+    let x = x.clamp(-1.0, 1.0);
     2.0 * atan2_f64((1.0 - x).sqrt(), (1.0 + x).sqrt())
 }
 
 /// Arc sine in radians in double precision, error below 1e-15; arguments beyond ±1 count as ±1.
 pub fn asin_f64(x: f64) -> f64 {
-    let x = if x > 1.0 {
-        1.0
-    } else if x < -1.0 {
-        -1.0
-    } else {
-        x
-    };
+    let x = x.clamp(-1.0, 1.0);
     atan2_f64(x, ((1.0 - x) * (1.0 + x)).sqrt())
 }
 
