@@ -7,6 +7,8 @@ pub mod filter;
 pub mod map;
 pub mod normal;
 pub mod shadow;
+#[cfg(test)]
+mod tests;
 
 pub use filter::{Filter, Wrap};
 pub use map::{Footprint, Map, Tap};

@@ -168,7 +168,7 @@ impl Reader<'_> {
             Pixels::U8(_) | Pixels::U16(_) => 65535.0,
             _ => 1.0,
         };
-        let alpha = if n % 2 == 0 { n - 1 } else { n };
+        let alpha = if n.is_multiple_of(2) { n - 1 } else { n };
         match self.image.pixels() {
             Pixels::U8(v) => match self.table {
                 None => spread(&v[at..at + len], n, full, out, |v, _| f32::from(v)),

@@ -4,7 +4,7 @@
 //! by lane, and unpacked side by side again.
 
 use super::filter::Wrap;
-use crate::image::pyramid::{Pyramid, Shape};
+use crate::image::pyramid::Shape;
 use crate::math::lane::{Int, Lane, Mask, Num};
 use crate::math::vec::{Vec2, Vec4};
 
@@ -252,10 +252,10 @@ fn between<L: Lane>(l: L, wrap: Wrap, u: L::F, size: L::F) -> (L::F, L::F) {
     (left, x - left)
 }
 
-/// Bilinear: four texels around `place` (folded), first along u, then along v (row 39). `Border` has its own
-/// way, [`bilinear_border`]. `weight` is what a listener hears the whole lookup counts.
+/// Bilinear: four texels around `place` (folded), first along u, then along v (row 39). With
+/// `BORDER` (one lane only) an axis may have one. `weight` is what a listener hears the whole lookup counts.
 #[inline(always)]
-pub(super) fn bilinear<L: Lane, S: Store, H: Listen>(
+pub(super) fn bilinear<L: Lane, S: Store, H: Listen, const BORDER: bool>(
     l: L,
     texels: &[S],
     at: At<L>,
@@ -264,6 +264,10 @@ pub(super) fn bilinear<L: Lane, S: Store, H: Listen>(
     weight: L::F,
     listen: &mut H,
 ) -> Raw<L> {
+    if BORDER {
+        let v = bilinear_border(texels, at.shape(), wrap, lane2(place, 0), weight.lane(0), listen);
+        return [l.f(v[0]), l.f(v[1]), l.f(v[2]), l.f(v[3])];
+    }
     let (x, s) = between(l, wrap[0], place.x, at.width);
     let (y, t) = between(l, wrap[1], place.y, at.height);
     let i = at.offset + y.to_int() * at.pitch + x.to_int();
@@ -322,7 +326,7 @@ pub(super) fn texel<S: Store, H: Listen>(
 }
 
 /// [`bilinear`] for one lane where an axis has a border: texel by texel.
-pub(super) fn bilinear_border<S: Store, H: Listen>(
+fn bilinear_border<S: Store, H: Listen>(
     texels: &[S],
     shape: Shape,
     wrap: [Wrap; 2],
@@ -347,7 +351,7 @@ pub(super) fn half_log2<N: Num>(x: N) -> N {
     let bits = x.clamp(8.673_617_4e-19, 1.152_921_5e18).to_bits();
     let e = ((bits >> 23) - 127).to_num();
     let f = ((bits & 0x7f_ffff) | 0x3f80_0000).from_bits() - 1.0;
-    let q = ((f * -0.044_873_955 + 0.150_533_2) * f + -0.269_578_01) * f + 0.442_418_58;
+    let q = ((f * -0.044_873_955 + 0.150_533_2) * f + -0.269_578) * f + 0.442_418_58;
     (e + (f + (f - f * f) * q)) * 0.5
 }
 
@@ -355,10 +359,4 @@ pub(super) fn half_log2<N: Num>(x: N) -> N {
 #[inline(always)]
 pub(super) fn lane2<N: Num>(v: Vec2<N>, k: usize) -> Vec2 {
     Vec2::new(v.x.lane(k), v.y.lane(k))
-}
-
-/// Level `k` of the mips as floats; the nearest there is.
-pub(super) fn mip(p: &Pyramid, k: f32) -> Shape {
-    let mips = p.mips();
-    mips[(k.max(0.0) as usize).min(mips.len() - 1)]
 }

@@ -1,7 +1,7 @@
 //! The question that all maps answer: `at(place, footprint)`.
 
 use super::area;
-use super::fetch::{self, At, Listen, Quiet, Raw, Store, bilinear, fold, half_log2, two_levels};
+use super::fetch::{self, Listen, Quiet, Store, bilinear, fold, half_log2, two_levels};
 use super::filter::{Filter, Wrap};
 use crate::image::pyramid::{Pyramid, Shape, Texels};
 use crate::math::lane::{Lane, Mask, Num, One};
@@ -76,39 +76,25 @@ impl Map {
     /// huge coordinates read some texel of the map.
     #[inline(always)]
     pub fn at<L: Lane>(&self, l: L, place: Vec2<L::F>, footprint: Footprint<L::F>, active: L::M) -> Vec4<L::F> {
-        // Entered, not inlined: a material asks several maps, and each lookup is a few hundred instructions.
         if self.is_wide() {
-            match self.pyramid.texels() {
-                Texels::Rgba8(t) => l.enter(
-                    #[inline(always)]
-                    || self.wide(l, t, place, footprint, active, &mut Quiet),
-                ),
-                Texels::Rgba16(t) => l.enter(
-                    #[inline(always)]
-                    || self.wide(l, t, place, footprint, active, &mut Quiet),
-                ),
-                Texels::F32(t) => l.enter(
-                    #[inline(always)]
-                    || self.wide(l, t, place, footprint, active, &mut Quiet),
-                ),
-            }
-        } else {
-            l.enter(
-                #[inline(always)]
-                || {
-                    let mut out = [[0.0f32; 16]; 4];
-                    let bits = active.bits();
-                    for k in 0..L::WIDTH {
-                        if bits >> k & 1 != 0 {
-                            let v = self.single(fetch::lane2(place, k), footprint.lane(k), &mut Quiet);
-                            for (out, v) in out.iter_mut().zip(v.array()) {
-                                out[k] = v;
-                            }
-                        }
-                    }
-                    Vec4::from(out.map(|v| l.load(&v)))
-                },
-            )
+            return self.wide::<L, Quiet, false>(l, place, footprint, active, &mut Quiet);
+        }
+        let (mut q, mut out) = ([[0.0f32; 16]; 6], [[0.0f32; 16]; 4]);
+        let f = footprint;
+        for (q, v) in q.iter_mut().zip([place.x, place.y, f.dudx, f.dvdx, f.dudy, f.dvdy]) {
+            v.store(q);
+        }
+        self.singles(&q, active.bits(), &mut out);
+        Vec4::new(l.load(&out[0]), l.load(&out[1]), l.load(&out[2]), l.load(&out[3]))
+    }
+
+    /// Lane by lane.
+    #[inline(never)]
+    fn singles(&self, q: &[[f32; 16]; 6], active: u32, out: &mut [[f32; 16]; 4]) {
+        for k in (0..16).filter(|k| active >> k & 1 != 0) {
+            let f = Footprint { dudx: q[2][k], dvdx: q[3][k], dudy: q[4][k], dvdy: q[5][k] };
+            let v = self.single(Vec2::new(q[0][k], q[1][k]), f, &mut Quiet);
+            (out[0][k], out[1][k], out[2][k], out[3][k]) = (v.x, v.y, v.z, v.w);
         }
     }
 
@@ -117,11 +103,7 @@ impl Map {
     pub fn at_traced(&self, place: Vec2, footprint: Footprint<f32>, taps: &mut Vec<Tap>) -> Vec4 {
         let mut ear = Ear { pyramid: &self.pyramid, taps };
         if self.is_wide() {
-            match self.pyramid.texels() {
-                Texels::Rgba8(t) => self.wide(One, t, place, footprint, true, &mut ear),
-                Texels::Rgba16(t) => self.wide(One, t, place, footprint, true, &mut ear),
-                Texels::F32(t) => self.wide(One, t, place, footprint, true, &mut ear),
-            }
+            self.wide::<One, Ear<'_>, false>(One, place, footprint, true, &mut ear)
         } else {
             self.single(place, footprint, &mut ear)
         }
@@ -143,52 +125,69 @@ impl Map {
     #[inline(always)]
     fn is_wide(&self) -> bool {
         let border = self.wrap[0] == Wrap::Border || self.wrap[1] == Wrap::Border;
-        let rare =
-            matches!(self.filter, Filter::Bicubic | Filter::Ripmap | Filter::Ewa { .. } | Filter::Supersample { .. });
-        !border && !rare
+        let wide = matches!(
+            self.filter,
+            Filter::Bilinear | Filter::MipNearest | Filter::Trilinear | Filter::Anisotropic { .. }
+        );
+        wide && !border
     }
 
+    /// The filters that go side by side: all are probes at some level of detail. With `BORDER` (one lane
+    /// only) an axis may have one.
     #[inline(always)]
-    fn wide<L: Lane, S: Store, H: Listen>(
+    pub(super) fn wide<L: Lane, H: Listen, const BORDER: bool>(
         &self,
         l: L,
-        texels: &[S],
         place: Vec2<L::F>,
         footprint: Footprint<L::F>,
         active: L::M,
         listen: &mut H,
     ) -> Vec4<L::F> {
-        let mips = self.pyramid.mips();
-        let one = l.f(1.0);
-        let place = Vec2::new(fold(self.wrap[0], place.x), fold(self.wrap[1], place.y));
-        S::finish(match self.filter {
-            Filter::Nearest => {
-                // The texel under the place; its neighbours are fetched along and not used.
-                let s = mips[0];
-                let x = (place.x * s.width as f32).floor().min(l.f((s.width - 1) as f32));
-                let y = (place.y * s.height as f32).floor().min(l.f((s.height - 1) as f32));
-                let center = Vec2::new((x + 0.5) / s.width as f32, (y + 0.5) / s.height as f32);
-                let _ = center;
-                let i = y.to_int() * (s.pitch as i32) + x.to_int() + (s.offset as i32);
-                if H::ON {
-                    listen.tap(s, x.lane(0) as u32, y.lane(0) as u32, 1.0);
-                }
-                S::four(l, texels, i, i)[0]
+        let lod = match self.filter {
+            Filter::Bilinear => l.f(0.0),
+            Filter::MipNearest => (self.level_of(l, footprint) + 0.5).floor(),
+            Filter::Anisotropic { max } => {
+                return l.enter(
+                    #[inline(always)]
+                    || self.anisotropic::<L, H, BORDER>(l, place, footprint, max, active, listen),
+                );
             }
-            Filter::Bilinear => bilinear(l, texels, At::uniform(l, mips[0]), self.wrap, place, one, listen),
-            Filter::MipNearest => {
-                let last = (mips.len() - 1) as f32;
-                let d = (self.level_of(l, footprint) + 0.5).floor().clamp(0.0, last);
-                let [at, _] = two_levels(l, mips, d.to_int(), active);
-                bilinear(l, texels, at, self.wrap, place, one, listen)
-            }
-            _ => self.trilinear(l, texels, place, self.level_of(l, footprint), one, active, listen),
-        })
+            _ => self.level_of(l, footprint),
+        };
+        self.probe::<L, H, BORDER>(l, place, lod, l.f(1.0), active, listen)
     }
 
-    /// Between the two levels around `lod` (row 44). `place` is folded.
+    /// A trilinear lookup. Entered, not inlined: a material asks several maps, an anisotropic lookup probes
+    /// often, and compiling this code once for each level and format takes long enough.
     #[inline(always)]
-    fn trilinear<L: Lane, S: Store, H: Listen>(
+    fn probe<L: Lane, H: Listen, const BORDER: bool>(
+        &self,
+        l: L,
+        place: Vec2<L::F>,
+        lod: L::F,
+        weight: L::F,
+        active: L::M,
+        listen: &mut H,
+    ) -> Vec4<L::F> {
+        match self.pyramid.texels() {
+            Texels::Rgba8(t) => l.enter(
+                #[inline(always)]
+                || self.trilinear::<L, u32, H, BORDER>(l, t, place, lod, weight, active, listen),
+            ),
+            Texels::Rgba16(t) => l.enter(
+                #[inline(always)]
+                || self.trilinear::<L, [u32; 2], H, BORDER>(l, t, place, lod, weight, active, listen),
+            ),
+            Texels::F32(t) => l.enter(
+                #[inline(always)]
+                || self.trilinear::<L, [f32; 4], H, BORDER>(l, t, place, lod, weight, active, listen),
+            ),
+        }
+    }
+
+    /// Between the two levels around `lod` (row 44).
+    #[inline(always)]
+    fn trilinear<L: Lane, S: Store, H: Listen, const BORDER: bool>(
         &self,
         l: L,
         texels: &[S],
@@ -197,19 +196,66 @@ impl Map {
         weight: L::F,
         active: L::M,
         listen: &mut H,
-    ) -> Raw<L> {
+    ) -> Vec4<L::F> {
         let mips = self.pyramid.mips();
+        let place = Vec2::new(fold(self.wrap[0], place.x), fold(self.wrap[1], place.y));
         let lod = lod.clamp(0.0, (mips.len() - 1) as f32);
-        if (lod.le(l.f(0.0)) | !active).all() {
-            // Magnified: the finest level alone, as every lane would find it with a fraction of 0.
-            return bilinear(l, texels, At::uniform(l, mips[0]), self.wrap, place, weight, listen);
-        }
         let d = lod.floor();
         let t = lod - d;
-        let [fine, coarse] = two_levels(l, mips, d.to_int(), active);
-        let a = bilinear(l, texels, fine, self.wrap, place, weight * (l.f(1.0) - t), listen);
-        let b = bilinear(l, texels, coarse, self.wrap, place, weight * t, listen);
-        fetch::mix4(t, a, b)
+        // All on a level (magnified, mostly): that one alone, as every lane would find it with a fraction of 0.
+        let both = (t.gt(l.f(0.0)) & active).any();
+        let at = two_levels(l, mips, d.to_int(), active);
+        let share = [weight * (l.f(1.0) - t), weight * t];
+        let mut found = [[l.f(0.0); 4]; 2];
+        // A loop, so that the body is compiled once.
+        for k in 0..1 + usize::from(both) {
+            found[k] = bilinear::<L, S, H, BORDER>(l, texels, at[k], self.wrap, place, share[k], listen);
+        }
+        S::finish(if both { fetch::mix4(t, found[0], found[1]) } else { found[0] })
+    }
+
+    /// The mean of up to `max` trilinear probes, evenly along the longer axis of the footprint's ellipse, at
+    /// the level of its shorter axis (of the probes' distance, where `max` is too few). The ellipse is the
+    /// image of a disk, so turning the pixel grid does not matter.
+    #[inline(always)]
+    fn anisotropic<L: Lane, H: Listen, const BORDER: bool>(
+        &self,
+        l: L,
+        place: Vec2<L::F>,
+        footprint: Footprint<L::F>,
+        max: u32,
+        active: L::M,
+        listen: &mut H,
+    ) -> Vec4<L::F> {
+        let s = self.pyramid.mips()[0];
+        let max = max.clamp(1, 64);
+        let f = footprint.texels(s.width as f32, s.height as f32);
+        // J J^T = [a b; b c]; its eigenvalues are the squared axes.
+        let (a, c) = (f.dudx * f.dudx + f.dudy * f.dudy, f.dvdx * f.dvdx + f.dvdy * f.dvdy);
+        let b = f.dudx * f.dvdx + f.dudy * f.dvdy;
+        let d = (a - c) * 0.5;
+        let r = (d * d + b * b).sqrt();
+        let long2 = (a + c) * 0.5 + r;
+        let area = (f.dudx * f.dvdy - f.dudy * f.dvdx).abs();
+        // A hundredth more than a whole number of probes is rounding. NaN (0/0) makes one probe.
+        let count = -(-(long2 / area - 0.01)).floor();
+        let count = count.clamp(1.0, max as f32);
+        let flat = d.lt(l.f(0.0));
+        let axis = Vec2::new(b.or_else(flat, d + r), (r - d).or_else(flat, b)).normalize() * long2.sqrt();
+        let lod = half_log2((long2 / (count * count)).max(area * area / long2));
+        let mut sum = Vec4::splat(l.f(0.0));
+        let share = count.recip();
+        for k in 0..max {
+            let on = l.f(k as f32).lt(count) & active;
+            if !on.any() {
+                break;
+            }
+            let t = (l.f(k as f32) + 0.5) / count - 0.5;
+            let p = Vec2::new(place.x + axis.x * t / s.width as f32, place.y + axis.y * t / s.height as f32);
+            let v = self.probe::<L, H, BORDER>(l, p, lod, share, on, listen);
+            sum = Vec4::new(sum.x + v.x, sum.y + v.y, sum.z + v.z, sum.w + v.w).or_else(on, sum);
+        }
+        Vec4::new(sum.x / count, sum.y / count, sum.z / count, sum.w / count)
     }
 
     /// Any filter and wrap, for one lane.
