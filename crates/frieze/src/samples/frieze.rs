@@ -8,8 +8,8 @@
 use super::{UP, noise, rotation, texture};
 use crate::image::Encoding;
 use crate::math::exact;
-use crate::math::vec::{Mat4, Vec3};
-use crate::mesh::{Attribute, Mesh, shape};
+use crate::math::vec::{Mat4, Vec3, basis};
+use crate::mesh::{Attribute, Mesh, shape, tangent};
 use crate::scene::{
     Ambient, Background, Camera, Light, Material, Model, NormalMap, Object, Output, Scene, Shadow, Texture, ToneMap,
     View,
@@ -58,8 +58,8 @@ fn leaf(from: [f32; 2], angle: f32, bend: f32, length: f32, width: f32, club: bo
         let w = if club {
             0.22 + 0.78 * smoothstep(0.0, 0.92, s)
         } else {
-            let (sin, _) = sin_cos(std::f32::consts::PI * (0.12 + 0.88 * s.sqrt()));
-            sin.max(0.02)
+            let (sin, _) = sin_cos(std::f32::consts::PI * (0.14 + 0.84 * s));
+            sin.max(0.10)
         };
         points.push((p, width * w));
         let (dx, dy) = sin_cos((angle + bend * s * s).to_radians());
@@ -103,31 +103,32 @@ fn strokes() -> Vec<Stroke> {
     // Palmette.
     let heart = [0.0, 0.175];
     for (angle, bend, length, width) in [
-        (77.0, 42.0, 0.200, 0.030),
-        (56.0, 44.0, 0.285, 0.034),
-        (37.0, 38.0, 0.355, 0.038),
-        (18.5, 26.0, 0.410, 0.041),
-        (0.0, 0.0, 0.430, 0.043),
+        (84.0, 52.0, 0.205, 0.033),
+        (63.0, 50.0, 0.290, 0.038),
+        (42.0, 42.0, 0.360, 0.044),
+        (21.0, 28.0, 0.405, 0.048),
+        (0.0, 0.0, 0.420, 0.050),
     ] {
-        all.push(leaf(heart, angle, bend, length, width, true, 0.060));
+        all.push(leaf(heart, angle, bend, length, width, true, 0.064));
     }
     all.push(Stroke { points: vec![([0.0, 0.165], 0.05), ([0.0, 0.185], 0.05)], relief: 0.068, groove: 0.25 });
     // Lotus.
     let cup = [0.5, 0.165];
     for (angle, bend, length, width) in
-        [(-38.0, -42.0, 0.27, 0.032), (-21.0, -8.0, 0.36, 0.036), (-10.0, -2.0, 0.40, 0.028), (0.0, 0.0, 0.44, 0.040)]
+        [(-40.0, -70.0, 0.23, 0.036), (-30.0, -26.0, 0.33, 0.044), (-15.0, -6.0, 0.37, 0.036), (0.0, 0.0, 0.43, 0.054)]
     {
-        all.push(leaf(cup, angle, bend, length, width, false, 0.056));
+        all.push(leaf(cup, angle, bend, length, width, false, 0.060));
     }
     all.push(Stroke { points: vec![([0.5, 0.15], 0.045), ([0.5, 0.185], 0.034)], relief: 0.066, groove: 0.3 });
     // A tendril between, and a bud over it.
-    all.push(leaf([0.245, 0.105], 4.0, 24.0, 0.21, 0.017, false, 0.034));
-    for k in 0..6 {
-        let mut petal = leaf([0.272, 0.585], k as f32 * 60.0, 0.0, 0.050, 0.015, true, 0.036);
-        petal.groove = 0.35;
+    all.push(leaf([0.250, 0.110], 14.0, -30.0, 0.20, 0.022, false, 0.040));
+    let star = [0.268, 0.585];
+    for k in 0..8 {
+        let mut petal = leaf(star, k as f32 * 45.0, 0.0, 0.056, 0.017, true, 0.042);
+        petal.groove = 0.3;
         all.push(petal);
     }
-    all.push(Stroke { points: vec![([0.272, 0.585], 0.015), ([0.273, 0.585], 0.015)], relief: 0.044, groove: 0.0 });
+    all.push(Stroke { points: vec![(star, 0.019), ([star[0] + 0.001, star[1]], 0.019)], relief: 0.054, groove: 0.0 });
     all
 }
 
@@ -177,8 +178,8 @@ impl Raster {
                 for (h, r) in row.iter_mut().zip(nearest) {
                     if r < 1.0 {
                         // Round shoulders, and a gouge along the middle.
-                        let dome = (1.0 - r * r * r * r).sqrt();
-                        let gouge = (1.0 - (r / 0.72) * (r / 0.72)).max(0.0);
+                        let dome = 1.0 - r * r * r * r;
+                        let gouge = (1.0 - (r / 0.70) * (r / 0.70)).max(0.0);
                         *h = h.max(s.relief * (dome - s.groove * gouge * gouge));
                     }
                 }
@@ -238,8 +239,7 @@ fn moulding(x: f32, y: f32) -> f32 {
             let shell = 0.016 * (1.0 - smoothstep(0.06, 0.15, (e - 1.30).abs()));
             let v = 0.0625 - u;
             let dart = 0.020 * (1.0 - smoothstep(0.004, 0.012, v + 0.010 * smoothstep(1.30, 1.25, y)));
-            let cut = -0.020 * (1.0 - smoothstep(1.02, 1.12, e)) + 0.0;
-            z += egg.max(shell).max(dart) - 0.012 + cut * 0.0;
+            z += egg.max(shell).max(dart) - 0.012;
         }
     }
     // Crown.
@@ -250,20 +250,29 @@ fn moulding(x: f32, y: f32) -> f32 {
 /// Where the broken ends are, at a height.
 fn ends(y: f32) -> [f32; 2] {
     let rough = |seed| 0.16 * (noise::fbm(y * 2.6 + 3.0, 0.5, 64, 5, seed) - 0.5);
-    [-REACH - 0.10 * y + rough(41), REACH - 0.22 * (y - 0.5) * (y - 0.2) + rough(43)]
+    [-1.78 - 0.10 * y + rough(41), REACH - 0.22 * (y - 0.5) * (y - 0.2) + rough(43)]
 }
 
 /// The slab with its colours.
 fn slab() -> Mesh {
     let raster = Raster::new(&strokes());
     // Columns and rows of the front, and of the sides that go back into the wall.
-    let (nx, ny, back) = (840usize, 240usize, 7usize);
+    let (nx, ny, back) = (820usize, 245usize, 7usize);
     let width = nx + 1 + 2 * back;
     struct Place {
         p: [f32; 3],
         relief: f32,
     }
-    let rows: Vec<f32> = (0..=ny).map(|j| HEIGHT * j as f32 / ny as f32).collect();
+    // The carved band has more rows for its height than the rest.
+    let rows: Vec<f32> = (0..=ny)
+        .map(|j| {
+            let t = j as f32 / ny as f32;
+            let knots = [(0.0, 0.0), (0.24, BAND[0]), (0.84, BAND[1]), (1.0, HEIGHT)];
+            let k = knots.windows(2).position(|w| t <= w[1].0).unwrap_or(2);
+            let ((a, y0), (b, y1)) = (knots[k], knots[k + 1]);
+            y0 + (y1 - y0) * (t - a) / (b - a)
+        })
+        .collect();
     let place = |i: usize, j: usize| {
         let y = rows[j];
         let [left, right] = ends(y);
@@ -325,11 +334,11 @@ fn slab() -> Mesh {
             color = mix(color, [0.36, 0.31, 0.26], 0.5 * smoothstep(0.54, 0.80, streak));
             // Paint on the grounds, worn where the noise is high.
             let front = z > -0.03;
-            let worn = smoothstep(0.44, 0.66, noise::fbm(x * 5.0 + 70.0, y * 5.0, 512, 5, 77));
+            let worn = smoothstep(0.50, 0.70, noise::fbm(x * 5.0 + 70.0, y * 5.0, 512, 5, 77));
             let paint = 0.92 - 0.55 * worn;
             if front && y > BAND[0] && y < BAND[1] {
                 let ground = 1.0 - smoothstep(0.004, 0.016, q.relief);
-                color = mix(color, [0.035, 0.085, 0.150], paint * ground);
+                color = mix(color, [0.030, 0.085, 0.165], paint * ground);
             }
             if front && y > KEY[0] - 0.005 && y < KEY[1] + 0.005 {
                 color = mix(color, [0.165, 0.030, 0.020], paint);
@@ -365,8 +374,18 @@ fn slab() -> Mesh {
             uv: [(p[0] + if i < back { round } else { -round }) / 0.8, (HEIGHT - p[1]) / 0.8],
         }
     });
+    let normals = mesh.normals.as_ref().expect("the grid has normals");
     let values = (0..width * total).map(|k| colors[index(k % width, k / width)]).collect();
     mesh.colors = Some(Attribute::per_position(values));
+    // u grows along the rows.
+    let tangents = (0..width * total).into_par_iter().map(|k| {
+        let (i, j) = (k % width, k / width);
+        let du = Vec3::from(position((i + 1).min(width - 1), j)) - position(i.saturating_sub(1), j).into();
+        let n = Vec3::from(normals.values[k]);
+        let t = tangent::gram_schmidt(du, n).unwrap_or_else(|| basis(n).0);
+        t.extend(1.0).array()
+    });
+    mesh.tangents = Some(Attribute::per_position(tangents.collect()));
     mesh.name = "slab".into();
     mesh
 }
@@ -436,18 +455,19 @@ fn meander() -> Mesh {
 /// Pores and the marks of a toothed chisel, tileable; 0.8 m of stone.
 fn stone(n: usize) -> (Vec<f32>, Vec<f32>) {
     let grain = noise::fractal(n, 81, 6, 16);
+    let bend = noise::fractal(n, 83, 3, 6);
+    let tooled = noise::fractal(n, 87, 3, 4);
+    let pores = noise::fractal(n, 89, 2, 128);
+    let porous = noise::fractal(n, 91, 3, 8);
     let heights = (0..n * n)
         .into_par_iter()
         .map(|k| {
             let (u, v) = ((k % n) as f32 / n as f32, (k / n) as f32 / n as f32);
-            let bend = noise::fbm(u * 6.0, v * 6.0, 6, 3, 83);
             // Parallel scores, leaning; whole numbers of them fit the tile.
-            let score = (u * 44.0 + v * 29.0 + bend * 3.0) % 1.0;
-            let score = (score - 0.5).abs() * 2.0;
-            let patch = smoothstep(0.40, 0.62, noise::fbm(u * 4.0, v * 4.0, 4, 3, 87));
-            let pore = smoothstep(0.74, 0.86, noise::value(u * 160.0, v * 160.0, 160, 89))
-                * smoothstep(0.45, 0.7, noise::fbm(u * 8.0, v * 8.0, 8, 3, 91));
-            grain[k] * 5.0 + patch * score * 1.1 - pore * 2.2
+            let score = u * 52.0 + v * 37.0 + bend[k] * 3.0;
+            let score = (score - score.floor() - 0.5).abs() * 2.0;
+            let pore = smoothstep(0.66, 0.82, pores[k]) * smoothstep(0.45, 0.7, porous[k]);
+            grain[k] * 4.0 + smoothstep(0.42, 0.66, tooled[k]) * score * 1.3 - pore * 2.0
         })
         .collect();
     (grain, heights)
@@ -469,16 +489,16 @@ pub(super) fn scene() -> Scene {
         model: Model::Pbr,
         roughness: 0.78,
         albedo_map: Some(albedo),
-        normal_map: Some(relief(1.0)),
+        normal_map: Some(relief(0.55)),
         ..Default::default()
     });
     let gilt = scene.add_material(Material {
         name: "gilded bronze".into(),
         model: Model::Pbr,
-        albedo: [1.0, 0.66, 0.24],
+        albedo: [1.0, 0.63, 0.22],
         metallic: 1.0,
-        roughness: 0.36,
-        normal_map: Some(relief(0.35)),
+        roughness: 0.40,
+        normal_map: Some(relief(0.12)),
         double_sided: true,
         ..Default::default()
     });
@@ -487,7 +507,7 @@ pub(super) fn scene() -> Scene {
         model: Model::Pbr,
         albedo: [0.040, 0.038, 0.037],
         roughness: 0.9,
-        normal_map: Some(relief(0.5)),
+        normal_map: Some(relief(0.3)),
         ..Default::default()
     });
     scene.add(slab(), Mat4::IDENTITY, stone);
@@ -517,7 +537,7 @@ pub(super) fn scene() -> Scene {
         }
     }
 
-    let camera = Camera::look_at(Vec3::new(-1.55, 0.62, 3.05), Vec3::new(-0.10, 0.755, 0.0), UP, 30.0);
+    let camera = Camera::look_at(Vec3::new(-1.50, 0.60, 3.10), Vec3::new(-0.08, 0.735, 0.0), UP, 30.5);
     scene.cameras.push(Camera { near: 0.2, ..camera });
     scene.view = View::Camera(0);
     let middle = Vec3::new(0.0, 0.75, 0.0);
@@ -534,6 +554,14 @@ pub(super) fn scene() -> Scene {
         intensity: 0.55,
         shadow: None,
         ..Light::directional(middle + Vec3::new(2.5, 0.4, 3.0), middle)
+    });
+    // Grazes the gilding from below, as the floor of a lit room would.
+    scene.lights.push(Light {
+        name: "bounce".into(),
+        color: [1.0, 0.80, 0.55],
+        intensity: 0.55,
+        shadow: None,
+        ..Light::directional(middle + Vec3::new(1.2, -2.4, 2.0), middle)
     });
     scene.ambient = Ambient { color: [0.075, 0.082, 0.10], per_light: false };
     scene.output = Output {
