@@ -124,15 +124,16 @@ fn wall() -> Scene {
     let mut scene = Scene::default();
     let (albedo, normal) = texture::bricks();
     let (albedo, normal) = (scene.add_image(albedo), scene.add_image(normal));
+    let twice = |image| Texture { scale: [2.0; 2], ..Texture::new(image) };
     let brick = scene.add_material(Material {
         name: "brick".into(),
         specular: [0.06; 3],
         shininess: 16.0,
-        albedo_map: Some(Texture::new(albedo)),
-        normal_map: Some(NormalMap { texture: Texture::new(normal), scale: 1.0, y_down: false, channels: 3 }),
+        albedo_map: Some(twice(albedo)),
+        normal_map: Some(NormalMap { texture: twice(normal), scale: 1.0, y_down: false, channels: 3 }),
         ..Default::default()
     });
-    let (mesh, turn) = upright(2.0);
+    let (mesh, turn) = upright(4.0);
     scene.add(mesh, turn, brick);
     view(&mut scene, Vec3::new(-0.9, 0.1, 2.3), Vec3::new(-0.05, 0.0, 0.0), 38.0);
     scene.lights.push(Light {

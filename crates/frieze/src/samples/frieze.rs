@@ -374,6 +374,19 @@ fn slab() -> Mesh {
             uv: [(p[0] + if i < back { round } else { -round }) / 0.8, (HEIGHT - p[1]) / 0.8],
         }
     });
+    // Diagonals run along edges of the relief, not across them, or leaves would be notched.
+    if let Some(uv) = mesh.uv[0].as_mut().and_then(|uv| uv.index.as_mut()) {
+        let quads = mesh.corners.chunks_exact_mut(6).zip(uv.chunks_exact_mut(6));
+        for (corners, uv) in quads {
+            let [a, b, c, d] = [0, 1, 2, 5].map(|k| mesh.positions[corners[k] as usize][2]);
+            if corners[0] == corners[3] && corners[2] == corners[4] && (a - c).abs() > (b - d).abs() {
+                for q in [corners, uv] {
+                    let [a, b, c, d] = [q[0], q[1], q[2], q[5]];
+                    q.copy_from_slice(&[b, c, d, b, d, a]);
+                }
+            }
+        }
+    }
     let normals = mesh.normals.as_ref().expect("the grid has normals");
     let values = (0..width * total).map(|k| colors[index(k % width, k / width)]).collect();
     mesh.colors = Some(Attribute::per_position(values));
