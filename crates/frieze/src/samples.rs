@@ -211,8 +211,9 @@ fn spheres() -> Scene {
                 1 => Material { name: "dielectric".into(), albedo: [0.10, 0.30, 0.55], ..pbr },
                 _ => Material {
                     name: "blinn-phong".into(),
-                    albedo: [0.28, 0.42, 0.22],
-                    specular: [0.5; 3],
+                    // Blinn-Phong does not divide by pi: a third of the albedo looks alike.
+                    albedo: [0.09, 0.14, 0.07],
+                    specular: [0.18; 3],
                     shininess: (512 >> (2 * column).min(9)) as f32,
                     ..Default::default()
                 },
@@ -275,7 +276,7 @@ fn cup() -> Scene {
         let ring = rotation(Vec3::new(1.0, 0.0, 0.0), 90.0).times(&Mat4::scale(Vec3::new(1.0, 0.8, 1.0)));
         again(&mut scene, 1, at(x + 0.46, 0.05, 0.0).times(&ring), material);
     }
-    view(&mut scene, Vec3::new(0.0, 1.3, 7.2), Vec3::new(0.0, -0.02, 0.0), 24.0);
+    view(&mut scene, Vec3::new(0.0, 1.9, 7.0), Vec3::new(0.05, 0.0, 0.0), 16.5);
     scene.lights.push(Light { shadow: None, ..Light::directional(Vec3::new(-2.5, 3.0, 3.0), ORIGIN) });
     scene.ambient = Ambient { color: [0.25; 3], per_light: false };
     scene.output =
