@@ -124,15 +124,16 @@ fn wall() -> Scene {
     let mut scene = Scene::default();
     let (albedo, normal) = texture::bricks();
     let (albedo, normal) = (scene.add_image(albedo), scene.add_image(normal));
+    let twice = |image| Texture { scale: [2.0; 2], ..Texture::new(image) };
     let brick = scene.add_material(Material {
         name: "brick".into(),
         specular: [0.06; 3],
         shininess: 16.0,
-        albedo_map: Some(Texture::new(albedo)),
-        normal_map: Some(NormalMap { texture: Texture::new(normal), scale: 1.0, y_down: false, channels: 3 }),
+        albedo_map: Some(twice(albedo)),
+        normal_map: Some(NormalMap { texture: twice(normal), scale: 1.0, y_down: false, channels: 3 }),
         ..Default::default()
     });
-    let (mesh, turn) = upright(2.0);
+    let (mesh, turn) = upright(4.0);
     scene.add(mesh, turn, brick);
     view(&mut scene, Vec3::new(-0.9, 0.1, 2.3), Vec3::new(-0.05, 0.0, 0.0), 38.0);
     scene.lights.push(Light {
@@ -210,8 +211,9 @@ fn spheres() -> Scene {
                 1 => Material { name: "dielectric".into(), albedo: [0.10, 0.30, 0.55], ..pbr },
                 _ => Material {
                     name: "blinn-phong".into(),
-                    albedo: [0.28, 0.42, 0.22],
-                    specular: [0.5; 3],
+                    // Blinn-Phong does not divide by pi: a third of the albedo looks alike.
+                    albedo: [0.09, 0.14, 0.07],
+                    specular: [0.18; 3],
                     shininess: (512 >> (2 * column).min(9)) as f32,
                     ..Default::default()
                 },
@@ -274,7 +276,7 @@ fn cup() -> Scene {
         let ring = rotation(Vec3::new(1.0, 0.0, 0.0), 90.0).times(&Mat4::scale(Vec3::new(1.0, 0.8, 1.0)));
         again(&mut scene, 1, at(x + 0.46, 0.05, 0.0).times(&ring), material);
     }
-    view(&mut scene, Vec3::new(0.0, 1.3, 7.2), Vec3::new(0.0, -0.02, 0.0), 24.0);
+    view(&mut scene, Vec3::new(0.0, 1.9, 7.0), Vec3::new(0.05, 0.0, 0.0), 16.5);
     scene.lights.push(Light { shadow: None, ..Light::directional(Vec3::new(-2.5, 3.0, 3.0), ORIGIN) });
     scene.ambient = Ambient { color: [0.25; 3], per_light: false };
     scene.output =

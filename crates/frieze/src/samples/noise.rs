@@ -19,12 +19,17 @@ pub(super) fn random(x: u32, y: u32, seed: u32) -> f32 {
 
 /// Smoothed value noise in 0 .. 1 at any place; the lattice has unit cells and repeats after `period` cells.
 pub(super) fn value(x: f32, y: f32, period: u32, seed: u32) -> f32 {
+    value2(x, y, [period; 2], seed)
+}
+
+/// [`value`] with a period along x and one along y.
+pub(super) fn value2(x: f32, y: f32, period: [u32; 2], seed: u32) -> f32 {
     let (fx, fy) = (x.floor(), y.floor());
     let smooth = |t: f32| t * t * (3.0 - 2.0 * t);
     let (tx, ty) = (smooth(x - fx), smooth(y - fy));
-    let wrap = |v: f32| (v as i32).rem_euclid(period as i32) as u32;
-    let (x0, y0) = (wrap(fx), wrap(fy));
-    let (x1, y1) = ((x0 + 1) % period, (y0 + 1) % period);
+    let wrap = |v: f32, period: u32| (v as i32).rem_euclid(period as i32) as u32;
+    let (x0, y0) = (wrap(fx, period[0]), wrap(fy, period[1]));
+    let (x1, y1) = ((x0 + 1) % period[0], (y0 + 1) % period[1]);
     let mix = |a: f32, b: f32, t: f32| a + (b - a) * t;
     mix(mix(random(x0, y0, seed), random(x1, y0, seed), tx), mix(random(x0, y1, seed), random(x1, y1, seed), tx), ty)
 }

@@ -53,13 +53,15 @@ pub(super) fn wood() -> Image {
     let n = 512;
     rgb(n, n, Encoding::Srgb, |x, y| {
         let (u, v) = (x as f32 / n as f32, y as f32 / n as f32);
-        let bend = noise::fbm(u * 4.0, v * 4.0, 4, 3, 11);
-        let across = u * 9.0 + bend * 3.2;
+        // Rings wander slowly along the grain.
+        let bend =
+            noise::value2(u * 3.0, v * 2.0, [3, 2], 11) * 2.0 + noise::value2(u * 6.0, v * 3.0, [6, 3], 12) * 0.7;
+        let across = u * 9.0 + bend;
         let ring = across - across.floor();
         // A ring darkens slowly and ends at once.
         let late = ring * ring * ring;
-        let fibre = noise::value(u * 256.0, v * 8.0, 256, 5) * 0.5 + noise::value(u * 64.0, v * 4.0, 64, 6) * 0.5;
-        let t = (late * 0.75 + fibre * 0.3).min(1.0);
+        let fibre = noise::value2(u * 256.0, v * 8.0, [256, 8], 5) + noise::value2(u * 64.0, v * 4.0, [64, 4], 6);
+        let t = (late * 0.65 + fibre * 0.17).min(1.0);
         [0.74 - 0.30 * t, 0.52 - 0.27 * t, 0.31 - 0.19 * t]
     })
 }
