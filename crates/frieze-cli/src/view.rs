@@ -68,7 +68,11 @@ pub fn parse(s: &str) -> core::result::Result<Choice, String> {
             "near" => spec.near = Some(within(0.0, f32::MAX)?),
             "far" => spec.far = Some(within(0.0, f32::INFINITY)?),
             _ => {
-                return Err(format!("no camera has `{key}`{}; there are {}", did_you_mean(key, &KEYS), KEYS.join(", ")));
+                return Err(format!(
+                    "no camera has `{key}`{}; there are {}",
+                    did_you_mean(key, &KEYS),
+                    KEYS.join(", ")
+                ));
             }
         }
     }
