@@ -3,6 +3,7 @@
 
 pub mod error;
 pub mod frame;
+pub mod games101;
 pub mod image;
 pub mod job;
 pub mod load;
