@@ -14,6 +14,7 @@ pub mod toml;
 pub mod triangulate;
 
 use crate::error::{Error, Finding, Result};
+use crate::image::Image;
 use crate::job::{Job, Reservation};
 use crate::math::vec::Vec3;
 use crate::scene::light::default_rig;
@@ -172,6 +173,15 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     let (mut scene, findings) = model(path, &root, options, Materials::Own)?;
     dress(&mut scene);
     Ok(Loaded { scene, findings })
+}
+
+/// Decodes an image file.
+///
+/// # Errors
+/// Input faults name the file, the place in it and a remedy.
+pub fn image(path: &Path, options: &LoadOptions) -> Result<(Image, Vec<Finding>)> {
+    let bytes = files::read_path(path, u64::MAX, &options.job)?;
+    decode::image(&bytes, path, &options.job)
 }
 
 /// Loads a model from memory. `kind` is `glb`, `gltf`, `obj`, `ply` or `stl`. No file is opened: what the model
