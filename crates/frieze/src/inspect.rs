@@ -627,7 +627,7 @@ mod tests {
     #[test]
     fn density_is_texels_per_world_metre() {
         let upright = [[0.0, 1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 0.0]];
-        let r = super::scene(&square(upright), &Job::default()).unwrap();
+        let r = scene(&square(upright), &Job::default()).unwrap();
         // 100 texels on 2 metres; exact in f64.
         assert_eq!(r.objects[0].texel_density, Some(Density { min: 50.0, median: 50.0, max: 50.0 }));
         let uv = r.meshes[0].uv[0].clone().unwrap();
@@ -639,7 +639,7 @@ mod tests {
     #[test]
     fn mirrored_degenerate_and_outside_coordinates_are_counted() {
         let mirrored = [[1.0, 1.0], [0.0, 1.0], [0.0, 0.0], [1.0, 0.0]];
-        let of = |uv| super::scene(&square(uv), &Job::default()).unwrap();
+        let of = |uv| scene(&square(uv), &Job::default()).unwrap();
         assert_eq!(of(mirrored).meshes[0].uv[0].clone().unwrap().mirrored, 2);
         let r = of([[0.5; 2]; 4]);
         assert_eq!(r.meshes[0].uv[0].clone().unwrap().degenerate, 2);
@@ -660,7 +660,7 @@ mod tests {
         let codes: Vec<_> = super::scene(&scene, &Job::default()).unwrap().findings.iter().map(|f| f.code).collect();
         assert_eq!(codes, ["normal.convention", "uv.missing"]);
         scene.materials[0].normal_map.as_mut().unwrap().y_down = true;
-        let r = super::scene(&scene, &Job::default()).unwrap();
+        let r = scene(&scene, &Job::default()).unwrap();
         assert_eq!(r.findings.iter().map(|f| f.code).collect::<Vec<_>>(), ["uv.missing"]);
     }
 }
