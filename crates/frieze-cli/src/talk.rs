@@ -243,6 +243,15 @@ pub fn print_json_error(command: Option<&str>, e: &Error) {
     let _ = print_json(command.unwrap_or("frieze"), false, body);
 }
 
+/// A bug as a JSON document on stdout; its text is on stderr.
+pub fn print_json_bug(exit: u8) {
+    let body = json!({ "error": {
+        "code": "bug", "exit": exit, "message": "frieze has a bug; see stderr",
+        "file": null, "place": null, "help": "please report it",
+    } });
+    let _ = print_json("frieze", false, body);
+}
+
 /// The panic hook: a panic is a bug of ours, never of the file, and the reader can help to mend it.
 pub fn report_bug(info: &PanicHookInfo<'_>) {
     let cause = info.payload();

@@ -14,7 +14,6 @@ pub mod toml;
 pub mod triangulate;
 
 use crate::error::{Error, Finding, Result};
-use crate::image::Image;
 use crate::job::{Job, Reservation};
 use crate::math::vec::Vec3;
 use crate::scene::light::default_rig;
@@ -175,15 +174,6 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     Ok(Loaded { scene, findings })
 }
 
-/// Decodes an image file.
-///
-/// # Errors
-/// Input faults name the file, the place in it and a remedy.
-pub fn image(path: &Path, options: &LoadOptions) -> Result<(Image, Vec<Finding>)> {
-    let bytes = files::read_path(path, u64::MAX, &options.job)?;
-    decode::image(&bytes, path, &options.job)
-}
-
 /// Loads a model from memory. `kind` is `glb`, `gltf`, `obj`, `ply` or `stl`. No file is opened: what the model
 /// keeps elsewhere is missing (a finding for images and materials, an error for geometry).
 ///
@@ -256,6 +246,15 @@ fn read(
     scene.name = context.stem();
     job.progress("load", 1, 1);
     Ok((scene, findings))
+}
+
+/// Decodes an image file.
+///
+/// # Errors
+/// Input faults name the file, the place in it and a remedy.
+pub fn image(path: &Path, options: &LoadOptions) -> Result<(crate::image::Image, Vec<Finding>)> {
+    let bytes = files::read_path(path, u64::MAX, &options.job)?;
+    options.job.run(|| decode::image(&bytes, path, &options.job))
 }
 
 /// What a bare model gets: the tone map, and lights if it has none.
