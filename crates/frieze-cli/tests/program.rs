@@ -154,13 +154,13 @@ fn typos_are_answered_with_the_nearest_word() {
 fn broken_and_missing_files_are_exit_3() {
     let dir = folder("broken");
     std::fs::write(dir.join("broken.glb"), b"glTF but not really").unwrap();
-    std::fs::write(dir.join("broken.png"), b"\x89PNG and then nothing").unwrap();
+    std::fs::write(dir.join("bad.png"), b"\x89PNG and then nothing").unwrap();
     for args in [
         &["render", "missing.glb"][..],
         &["render", "broken.glb"],
         &["inspect", "broken.glb"],
-        &["inspect", "broken.png"],
-        &["compare", "broken.png", "broken.png"],
+        &["inspect", "bad.png"],
+        &["compare", "bad.png", "bad.png"],
         &["inspect", "missing.png"],
     ] {
         let o = frieze(&dir, args);
