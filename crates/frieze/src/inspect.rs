@@ -471,13 +471,14 @@ pub fn image(image: &Image, used_as: Vec<&'static str>, job: &Job) -> Result<Ima
     })
 }
 
-/// Nine of ten texels are vectors of about unit length that point out of the surface.
+/// Nine of ten texels are vectors of about unit length that point out of the surface, and on the whole they
+/// point away from it more than along it (a light grey has about unit length, too).
 fn looks_like_normals(image: &Image) -> bool {
     if image.channels() < 3 {
         return false;
     }
     let signed = is_signed(image);
-    let (mut good, mut all) = (0u64, 0u64);
+    let (mut good, mut all, mut out) = (0u64, 0u64, 0.0);
     // A hundred rows and columns suffice.
     let step = |n: u32| (n / 100).max(1) as usize;
     for y in (0..image.height()).step_by(step(image.height())) {
@@ -486,9 +487,10 @@ fn looks_like_normals(image: &Image) -> bool {
             let length = (nx * nx + ny * ny + nz * nz).sqrt();
             good += u64::from(nz > 0.0 && (length - 1.0).abs() < 0.1);
             all += 1;
+            out += nz;
         }
     }
-    good * 10 >= all * 9
+    good * 10 >= all * 9 && out > 0.65 * all as f64
 }
 
 /// Which way green points, by integrability: the slopes (p, q) of a height field have no curl, dp/dy =
@@ -604,8 +606,10 @@ mod tests {
         let flat = Image::new(8, 8, 3, Pixels::U8([128, 128, 255].repeat(64)), Encoding::Linear).unwrap();
         let r = image(&flat, Vec::new(), &Job::default()).unwrap().normal_map.unwrap();
         assert_eq!((r.green, r.confidence), ("unknown", 0.0));
-        let grey = Image::new(8, 8, 3, Pixels::U8(vec![128; 192]), Encoding::Srgb).unwrap();
-        assert_eq!(image(&grey, Vec::new(), &Job::default()).unwrap().normal_map, None);
+        for v in [0, 128, 200, 255] {
+            let grey = Image::new(8, 8, 3, Pixels::U8(vec![v; 192]), Encoding::Srgb).unwrap();
+            assert_eq!(image(&grey, Vec::new(), &Job::default()).unwrap().normal_map, None);
+        }
     }
 
     /// A square metre of two triangles, with a texture of 100 texels along it.
