@@ -46,7 +46,7 @@ pub fn run(root: &Path, accept: bool) -> Result<(), String> {
         if accept {
             frieze::write::image(&actual, &path, &force).map_err(said)?;
         }
-        changed.push(*name);
+        changed.push(name);
     }
     match (changed.len(), accept) {
         (0, _) => Ok(()),

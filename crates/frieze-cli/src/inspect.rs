@@ -50,7 +50,7 @@ fn spaced(n: u64) -> String {
     let digits = n.to_string();
     let mut text = String::new();
     for (k, c) in digits.chars().enumerate() {
-        if k > 0 && (digits.len() - k) % 3 == 0 {
+        if k > 0 && (digits.len() - k).is_multiple_of(3) {
             text.push(' ');
         }
         text.push(c);

@@ -664,7 +664,7 @@ mod tests {
         let codes: Vec<_> = super::scene(&scene, &Job::default()).unwrap().findings.iter().map(|f| f.code).collect();
         assert_eq!(codes, ["normal.convention", "uv.missing"]);
         scene.materials[0].normal_map.as_mut().unwrap().y_down = true;
-        let r = scene(&scene, &Job::default()).unwrap();
+        let r = super::scene(&scene, &Job::default()).unwrap();
         assert_eq!(r.findings.iter().map(|f| f.code).collect::<Vec<_>>(), ["uv.missing"]);
     }
 }
