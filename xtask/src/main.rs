@@ -1,2 +1,45 @@
-//! Chores of the workspace; see `cargo xtask help`.
-fn main() {}
+//! Chores of the workspace; `cargo xtask help` lists them.
+//!
+//! (`cargo xtask` is `cargo run --package xtask --`, see `.cargo/config.toml`.)
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program that talks")]
+
+mod golden;
+mod tidy;
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+const HELP: &str = "\
+cargo xtask golden            render the golden pictures anew and show what changed
+cargo xtask golden --accept   the same, and put the changed ones in place: only after a look at them
+cargo xtask tidy              short files, no forbidden words, every document and link that is named exists";
+
+fn main() -> ExitCode {
+    let words: Vec<String> = std::env::args().skip(1).collect();
+    let words: Vec<&str> = words.iter().map(String::as_str).collect();
+    let result = match words[..] {
+        ["golden"] => golden::run(&root(), false),
+        ["golden", "--accept"] => golden::run(&root(), true),
+        ["tidy"] => tidy::run(&root()),
+        ["help" | "--help" | "-h"] => {
+            println!("{HELP}");
+            return ExitCode::SUCCESS;
+        }
+        _ => {
+            eprintln!("{HELP}");
+            return ExitCode::from(2);
+        }
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(e) => {
+            eprintln!("{e}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// The workspace.
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("xtask lies in the workspace").to_owned()
+}

@@ -482,7 +482,7 @@ fn unit(s: &str) -> Result<f32, String> {
 pub fn did_you_mean(word: &str, names: &[&str]) -> String {
     let near = names.iter().map(|n| (distance(word, n), n)).min_by_key(|(d, _)| *d);
     match near {
-        Some((d, name)) if d <= 1 + name.len() / 4 => format!(" (did you mean `{name}`?)"),
+        Some((d, name)) if d <= 1 + name.len() / 3 => format!(" (did you mean `{name}`?)"),
         _ => String::new(),
     }
 }

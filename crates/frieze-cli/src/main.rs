@@ -34,14 +34,18 @@ const BUG: u8 = 70;
 fn main() -> ExitCode {
     std::panic::set_hook(Box::new(talk::report_bug));
     let words: Vec<OsString> = std::env::args_os().collect();
-    ExitCode::from(catch_unwind(AssertUnwindSafe(|| run(&words))).unwrap_or(BUG))
+    ExitCode::from(catch_unwind(AssertUnwindSafe(|| run(&words))).unwrap_or_else(|_| {
+        if said(&words, "--json") {
+            talk::print_json_bug(BUG);
+        }
+        BUG
+    }))
 }
 
 /// Does what was typed and returns the exit code.
 fn run(words: &[OsString]) -> u8 {
     // Wanted before clap has spoken, because its own errors obey them too.
-    let said = |flag: &str| words.iter().skip(1).take_while(|w| *w != "--").any(|w| w == flag);
-    let json = said("--json");
+    let json = said(words, "--json");
     let color = color_choice(words);
     let matches = match Cli::command().color(color).try_get_matches_from(words) {
         Ok(matches) => matches,
@@ -94,6 +98,11 @@ fn dispatch(cli: Cli, talk: &Talk) -> Result<()> {
         Some(Verb::Man { out }) => manual::man(&out, common, talk),
         Some(Verb::Schema) => manual::schema(),
     }
+}
+
+/// Whether a flag was typed.
+fn said(words: &[OsString], flag: &str) -> bool {
+    words.iter().skip(1).take_while(|w| *w != "--").any(|w| w == flag)
 }
 
 /// `--color` as typed, or what the environment asks for (`NO_COLOR`, `CLICOLOR_FORCE`, a dumb terminal).

@@ -29,12 +29,10 @@ pub fn man(dir: &Path, common: &Common, talk: &Talk) -> Result<()> {
         let path = dir.join(format!("{name}.1"));
         pages.push((path, page(sub.clone().name(name))?));
     }
-    if !common.force {
-        if let Some((path, _)) = pages.iter().find(|(p, _)| p.exists()) {
-            return Err(Error::arguments("write.exists", "the file is already there")
-                .in_file(path)
-                .remedy("use --force to overwrite it"));
-        }
+    if let Some((path, _)) = pages.iter().find(|(p, _)| !common.force && p.exists()) {
+        return Err(Error::arguments("write.exists", "the file is already there")
+            .in_file(path)
+            .remedy("use --force to overwrite it"));
     }
     let failed =
         |path: &Path, e: std::io::Error| Error::output("write.failed", format!("cannot be written: {e}")).in_file(path);

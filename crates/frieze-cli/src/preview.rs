@@ -26,7 +26,7 @@ pub fn blocks(image: &Image, columns: u32, lines: u32, color: bool) -> String {
         for py in range(y, height, h) {
             for px in range(x, width, w) {
                 let [r, g, b, a] = image.rgba(px, py);
-                let check = if (x / 4 + y / 4) % 2 == 0 { 0.4 } else { 0.6 };
+                let check = if (x / 4 + y / 4).is_multiple_of(2) { 0.4 } else { 0.6 };
                 for (s, v) in sum.iter_mut().zip([r, g, b]) {
                     *s += shown(v, image) * a + check * (1.0 - a);
                 }

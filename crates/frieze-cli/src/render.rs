@@ -10,7 +10,7 @@ use frieze::prepare::Prepared;
 use frieze::render::{Format, RenderOptions, Report, frame};
 use frieze::scene::{Material, NormalMap, Scene, Texture};
 use frieze::write::WriteOptions;
-use frieze::{Error, Frame, Job, Result};
+use frieze::{Error, Frame, Result};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -62,11 +62,17 @@ pub fn run(a: &Render, common: &Common, talk: &Talk) -> Result<()> {
         (Target::File(path), Some(n)) => (0..n).map(|k| numbered(path, k, n)).collect(),
     };
     // Before any work: nobody wants to hear this after ten minutes.
+    let job = talk.job(common);
+    let write = WriteOptions { force, job: job.clone() };
+    let planes: Vec<&str> = frieze::render::Aov::ALL
+        .iter()
+        .filter(|(_, aov)| a.aov.contains(&Plane::Extra(*aov)))
+        .map(|(name, _)| *name)
+        .collect();
     for path in &paths {
-        writable(path, force)?;
+        frieze::write::check(path, &planes, &write)?;
     }
 
-    let job = talk.job(common);
     let mut clock = Clock::new();
     let options = LoadOptions { job: job.clone(), allow_outside: a.allow_outside };
     let mut loaded = source::open(&word, &options)?;
@@ -88,7 +94,6 @@ pub fn run(a: &Render, common: &Common, talk: &Talk) -> Result<()> {
     job.check()?;
     clock.lap("prepare");
 
-    let write = WriteOptions { force, job: job.clone() };
     let mut written = Vec::new();
     let (mut shown, mut report): (Option<Frame>, _) = (None, Report::default());
     for k in 0..a.turntable.unwrap_or(1) {
@@ -104,7 +109,7 @@ pub fn run(a: &Render, common: &Common, talk: &Talk) -> Result<()> {
             Target::Stdout => {
                 // Encoded whole before the first byte leaves, so that a failure leaves nothing behind.
                 let mut png = Vec::new();
-                frieze::write::png_to(&mut png, &picture, job)?;
+                frieze::write::png_to(&mut png, &picture, &job)?;
                 job.check()?;
                 talk.finish();
                 talk::data(&png)?;
@@ -235,24 +240,6 @@ fn refuse_on_stdout(a: &Render, common: &Common) -> Result<()> {
         () if a.bits != 8 => clash("--bits 16"),
         () => Ok(()),
     }
-}
-
-/// Whether `path` may be written: its folder is there, and it is not or may be overwritten.
-pub fn writable(path: &Path, force: bool) -> Result<()> {
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty());
-    if folder.is_some_and(|f| !f.is_dir()) {
-        return Err(Error::output("write.no-folder", "the folder is not there").in_file(path).remedy("make it first"));
-    }
-    if path.is_dir() {
-        return Err(Error::output("write.folder", "this is a folder").in_file(path));
-    }
-    // symlink_metadata: a dangling link is there, too.
-    if !force && path.symlink_metadata().is_ok() {
-        return Err(Error::arguments("write.exists", "the file is already there")
-            .in_file(path)
-            .remedy("use --force to overwrite it, or -o for another name"));
-    }
-    Ok(())
 }
 
 /// `out.png` of the `k`th of `n`: `out.000.png`.
@@ -389,12 +376,6 @@ impl Clock {
         self.laps.insert("total", total.as_secs_f64() * 1e3);
         self.laps
     }
-}
-
-/// The job of a verb that only reads.
-pub fn load_options(talk: &Talk, common: &Common, allow_outside: bool) -> (Job, LoadOptions) {
-    let job = talk.job(common);
-    (job.clone(), LoadOptions { job, allow_outside })
 }
 
 #[cfg(test)]

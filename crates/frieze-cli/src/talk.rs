@@ -14,6 +14,9 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
+/// The code of an error about which everything has been said: only its exit code is left.
+pub const SAID: &str = "said";
+
 /// The voice of one run.
 pub struct Talk {
     /// Whether stdout gets a JSON document.
@@ -139,6 +142,21 @@ impl Talk {
 
     /// The error that ended the run: the cause first, then where, then what to do.
     pub fn error(&self, command: Option<&str>, e: &Error) {
+        if e.code == SAID {
+            return;
+        }
+        to_stderr(&self.error_text(e));
+        if self.json {
+            print_json_error(command, e);
+        }
+    }
+
+    /// A check that failed, on stderr only and not when quiet: its document is that of the verb.
+    pub fn failed_check(&self, e: &Error) {
+        self.say(self.error_text(e));
+    }
+
+    fn error_text(&self, e: &Error) -> String {
         let mut text = format!("{}: {} [{}]", self.paint("31;1", "error"), e.message, e.code);
         if let Some(place) = place(e.file.as_deref(), e.place.as_deref()) {
             text += &format!("\n  in: {place}");
@@ -146,10 +164,7 @@ impl Talk {
         if let Some(remedy) = &e.remedy {
             text += &format!("\n  {}: {remedy}", self.paint("36", "help"));
         }
-        to_stderr(&text);
-        if self.json {
-            print_json_error(command, e);
-        }
+        text
     }
 
     /// The one JSON document of a run that went well.
@@ -226,6 +241,15 @@ pub fn print_json_error(command: Option<&str>, e: &Error) {
     });
     // Nothing can be said about an error of this one: stdout is gone, the exit code remains.
     let _ = print_json(command.unwrap_or("frieze"), false, body);
+}
+
+/// A bug as a JSON document on stdout; its text is on stderr.
+pub fn print_json_bug(exit: u8) {
+    let body = json!({ "error": {
+        "code": "bug", "exit": exit, "message": "frieze has a bug; see stderr",
+        "file": null, "place": null, "help": "please report it",
+    } });
+    let _ = print_json("frieze", false, body);
 }
 
 /// The panic hook: a panic is a bug of ours, never of the file, and the reader can help to mend it.

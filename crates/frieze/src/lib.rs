@@ -5,6 +5,7 @@ pub mod error;
 pub mod frame;
 pub mod games101;
 pub mod image;
+pub mod inspect;
 pub mod job;
 pub mod load;
 pub mod map;

@@ -10,8 +10,9 @@ pub mod mtl;
 pub mod obj;
 pub mod ply;
 pub mod stl;
+mod text;
 pub mod toml;
-pub mod triangulate;
+mod triangulate;
 
 use crate::error::{Error, Finding, Result};
 use crate::job::{Job, Reservation};
