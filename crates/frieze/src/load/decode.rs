@@ -350,3 +350,23 @@ fn finite(image: Image, findings: &mut Vec<Finding>) -> Result<Image> {
     }
     Image::new(width, height, channels as u8, pixels, encoding)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn jpeg_is_decoded_without_vector_code() {
+        let o = jpeg_options();
+        assert!(!o.use_avx2() && !o.use_avx() && !o.use_sse2() && !o.use_sse41() && !o.use_neon());
+    }
+
+    #[test]
+    fn bytes_tell_the_format_before_the_name() {
+        let kind = |b: &[u8], n: &str| Kind::of(b, Path::new(n));
+        assert_eq!(kind(b"\xff\xd8\xff\xe0", "a.png"), Some(Kind::Jpeg));
+        assert_eq!(kind(b"RIFF....WEBPVP8 ", "a.jpg"), Some(Kind::WebP));
+        assert_eq!(kind(b"\0\0\x02", "a.TGA"), Some(Kind::Tga));
+        assert_eq!(kind(b"\0\0\x02", "a.png"), None);
+    }
+}

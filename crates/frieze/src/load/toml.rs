@@ -623,7 +623,8 @@ fn things(
         let Some((_, table)) = named.iter().find(|(n, _)| *n == name) else {
             return Err(material::unknown(value, name, named.iter().map(|n| n.0)));
         };
-        let key = (name, sided(w));
+        let told = table.table()?.get("double_sided").and_then(|v| v.bool().ok());
+        let key = (name, told.unwrap_or_else(|| sided(w)));
         let at = match made.iter().position(|m| *m == key) {
             Some(at) => at,
             None => {

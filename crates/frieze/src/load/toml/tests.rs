@@ -3,7 +3,6 @@ use crate::error::{Fault, Severity};
 use crate::job::Job;
 use crate::map::{Filter, Wrap};
 use crate::scene::{Alpha, Channel, Model, Normals, Shading, TangentFrame, TbnPath};
-use crate::write;
 use std::fs;
 
 /// A folder of its own per test, with a model and pictures in it; removed at the end.
@@ -14,13 +13,15 @@ impl Folder {
         let folder = std::env::temp_dir().join(format!("frieze-toml-{name}-{}", std::process::id()));
         let _ = fs::remove_dir_all(&folder);
         fs::create_dir_all(&folder).unwrap();
-        let grey = |v| Image::new(2, 2, 1, Pixels::U8(vec![v; 4]), Encoding::Linear).unwrap();
         for (k, n) in ["wood", "n", "h", "ao", "unused"].iter().enumerate() {
-            write::image(&grey(k as u8), &folder.join(format!("{n}.png")), &Default::default()).unwrap();
+            let mut png = ::png::Encoder::new(fs::File::create(folder.join(format!("{n}.png"))).unwrap(), 2, 2);
+            png.set_color(::png::ColorType::Grayscale);
+            png.write_header().unwrap().write_image_data(&[k as u8; 4]).unwrap();
         }
-        let float = Image::new(1, 1, 1, Pixels::F32(vec![-0.25]), Encoding::Linear).unwrap();
-        write::image(&float, &folder.join("h.exr"), &Default::default()).unwrap();
-        fs::write(folder.join("spot.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/1 2/1 3/1\n").unwrap();
+        use ::exr::prelude::{Image, SpecificChannels, WritableImage};
+        let y = SpecificChannels::build().with_channel("Y").with_pixel_fn(|_| (-0.25f32,));
+        Image::from_channels((1, 1), y).write().to_file(folder.join("h.exr")).unwrap();
+        fs::write(folder.join("spot.gltf"), SPOT).unwrap();
         Folder(folder)
     }
     fn load(&self, text: &str) -> Result<Loaded> {
@@ -49,6 +50,9 @@ impl Drop for Folder {
         let _ = fs::remove_dir_all(&self.0);
     }
 }
+
+/// A model of one triangle.
+const SPOT: &str = r#"{"asset": {"version": "2.0"}, "buffers": [{"byteLength": 36, "uri": "data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA"}], "bufferViews": [{"buffer": 0, "byteLength": 36}], "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0]}], "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}], "nodes": [{"mesh": 0}], "scenes": [{"nodes": [0]}], "scene": 0}"#;
 
 /// The section "Scene file" of the interface, with what it says in comments.
 const WHOLE: &str = r#"
@@ -100,7 +104,7 @@ extent = [1, 2]
 position = [0, 4, 0]
 
 [[object]]
-mesh = "spot.obj"
+mesh = "spot.gltf"
 translate = [0, 1.5, 0]
 rotate = [0, 0, 0]
 scale = [0.5, 0.5, 0.5]
@@ -225,7 +229,7 @@ fn every_word_of_every_key_is_known() {
     assert_eq!(folder.scene("output.size = 64").output.size, [64, 64]);
     assert_eq!(folder.scene("output = { samples = 16, encode = \"linear\" }").output.samples, 16);
     let material = |keys: &str| {
-        let text = format!("[[object]]\nmesh = \"spot.obj\"\nmaterial = \"m\"\n[material.m]\n{keys}\n");
+        let text = format!("[[object]]\nmesh = \"spot.gltf\"\nmaterial = \"m\"\n[material.m]\n{keys}\n");
         folder.scene(&text).materials[0].clone()
     };
     for (word, want) in [("blinn-phong", Model::BlinnPhong), ("pbr", Model::Pbr), ("unlit", Model::Unlit)] {
@@ -279,7 +283,7 @@ fn every_word_of_every_key_is_known() {
     let o = material("occlusion_map = { file = \"ao.png\", strength = 0.5 }");
     assert_eq!(o.occlusion_strength, 0.5);
     assert_eq!(material("double_sided = true").albedo_map, None);
-    assert!(material("").double_sided, "OBJ");
+    assert!(!material("").double_sided, "glTF says so where it is");
     for key in ["cube", "plane", "sphere", "torus", "teapot"] {
         let scene = folder.scene(&format!("object = [{{ mesh = {{ primitive = \"{key}\", segments = 8 }} }}]"));
         assert!(scene.meshes[0].triangle_count() > 0);
@@ -294,7 +298,7 @@ fn every_word_of_every_key_is_known() {
 #[test]
 fn heights_are_centred_by_the_kind_of_their_image() {
     let folder = Folder::new("heights");
-    let text = "[[object]]\nmesh = \"spot.obj\"\nmaterial = \"m\"\n[material.m]\n\
+    let text = "[[object]]\nmesh = \"spot.gltf\"\nmaterial = \"m\"\n[material.m]\n\
                 bump_map = \"h.png\"\ndisplacement_map = \"h.exr\"\n";
     let m = folder.load(text).unwrap().scene.materials.remove(0);
     assert_eq!((m.bump_map.unwrap().midlevel, m.displacement_map.unwrap().midlevel), (0.5, 0.0));
@@ -391,7 +395,7 @@ fn unknown_keys_name_the_nearest_known_one_and_the_line() {
         ("[ambient]\ncolour = [0,0,0]", "ambient.colour", "color", 2),
         ("[[light]]\nkind = \"point\"\nposition = [0,0,0]\nintensty = 3", "light[0].intensty", "intensity", 4),
         ("[[light]]\nkind = \"point\"\nposition = [0,0,0]\nshadow = { siez = 3 }", "light[0].shadow.siez", "size", 4),
-        ("[[object]]\nmesh = \"spot.obj\"\nmaterail = \"m\"", "object[0].materail", "material", 3),
+        ("[[object]]\nmesh = \"spot.gltf\"\nmaterail = \"m\"", "object[0].materail", "material", 3),
         ("[[object]]\nmesh = { primitive = \"cube\", segmnts = 3 }", "object[0].mesh.segmnts", "segments", 2),
         ("[material.m]\nshinines = 2", "material.m.shinines", "shininess", 2),
         ("[material.m]\ndiffuse_map = { file = \"wood.png\", filtr = 2 }", "material.m.diffuse_map.filtr", "filter", 2),
@@ -410,7 +414,7 @@ fn unknown_keys_name_the_nearest_known_one_and_the_line() {
 #[test]
 fn wrong_values_are_errors_with_their_line() {
     let folder = Folder::new("values");
-    let object = |m: &str| format!("[[object]]\nmesh = \"spot.obj\"\nmaterial = \"m\"\n[material.m]\n{m}");
+    let object = |m: &str| format!("[[object]]\nmesh = \"spot.gltf\"\nmaterial = \"m\"\n[material.m]\n{m}");
     for (text, code, line) in [
         ("version = 2".into(), "scene.version", 1),
         ("version = \"1\"".into(), "scene.type", 1),
@@ -452,14 +456,14 @@ fn wrong_values_are_errors_with_their_line() {
             4,
         ),
         ("[[object]]\nmaterial = \"m\"".into(), "scene.missing-key", 1),
-        ("[[object]]\nmesh = \"spot.obj\"\nmaterial = \"m\"".into(), "scene.unknown-material", 3),
+        ("[[object]]\nmesh = \"spot.gltf\"\nmaterial = \"m\"".into(), "scene.unknown-material", 3),
         ("[[object]]\nmesh = { primitive = \"cone\" }".into(), "scene.range", 2),
         ("[[object]]\nmesh = { primitive = \"sphere\", segments = 100000 }".into(), "scene.range", 2),
-        ("[[object]]\nmesh = \"spot.obj\"\nrotate_axis = [0, 0, 0]\nrotate_angle = 3".into(), "scene.range", 3),
-        ("[[object]]\nmesh = \"spot.obj\"\nrotate_axis = [0, 0, 1]".into(), "scene.range", 3),
-        ("[[object]]\nmesh = \"spot.obj\"\ninstances = [[1, 2]]".into(), "scene.range", 3),
+        ("[[object]]\nmesh = \"spot.gltf\"\nrotate_axis = [0, 0, 0]\nrotate_angle = 3".into(), "scene.range", 3),
+        ("[[object]]\nmesh = \"spot.gltf\"\nrotate_axis = [0, 0, 1]".into(), "scene.range", 3),
+        ("[[object]]\nmesh = \"spot.gltf\"\ninstances = [[1, 2]]".into(), "scene.range", 3),
         ("[[object]]\nmesh = \"none.obj\"".into(), "file.missing", 2),
-        ("[[object]]\nmesh = \"../spot.obj\"".into(), "file.outside", 2),
+        ("[[object]]\nmesh = \"../spot.gltf\"".into(), "file.outside", 2),
         (object("shininess = true"), "scene.type", 5),
         (object("roughness = 2"), "scene.range", 5),
         (object("diffuse = [1,1,1]\nbase_color = [1,1,1]"), "scene.range", 6),
@@ -478,7 +482,7 @@ fn wrong_values_are_errors_with_their_line() {
         assert_eq!((e.code, e.place.as_deref()), (code, Some(&*format!("line {line}"))), "{e}\n{text}");
         assert!(e.file.as_ref().unwrap().ends_with("scene.toml"), "{e}");
     }
-    let e = folder.error("[[object]]\nmesh = \"spot.obj\"\nmaterial = \"wod\"\n[material.wood]");
+    let e = folder.error("[[object]]\nmesh = \"spot.gltf\"\nmaterial = \"wod\"\n[material.wood]");
     assert_eq!(e.remedy.as_deref(), Some("did you mean \"wood\"?"));
     // A broken picture is named itself.
     fs::write(folder.0.join("bad.png"), b"\x89PNG\r\n\x1a\nxxxx").unwrap();
@@ -514,11 +518,14 @@ fn hostile_files_end_in_errors() {
 #[test]
 fn images_of_unused_materials_stay_shut_and_used_ones_are_shared() {
     let folder = Folder::new("shared");
-    let text = "object = [{ mesh = \"spot.obj\", material = \"a\" }, { mesh = { primitive = \"cube\" }, material = \"a\" }]\n\
+    let text = "object = [{ mesh = \"spot.gltf\", material = \"a\" }, { mesh = { primitive = \"cube\" }, material = \"a\" }]\n\
                 [material.a]\ndiffuse_map = \"wood.png\"\nspecular_map = \"./wood.png\"\n\
                 [material.b]\ndiffuse_map = \"not-there.png\"\n";
     let scene = folder.scene(text);
-    assert_eq!((scene.images.len(), scene.materials.len()), (1, 1));
+    // One image; two materials, since a cube is double-sided and a glTF model is not unless it is said.
+    assert_eq!((scene.images.len(), scene.materials.len()), (1, 2));
+    let said = text.replace("[material.a]", "[material.a]\ndouble_sided = true");
+    assert_eq!(folder.scene(&said).materials.len(), 1);
 }
 
 #[test]
@@ -562,7 +569,7 @@ intensity = 1.0
 shadow = { size = 2048, filter = "pcf", radius = 1, bias = "auto", near = 1, far = 50, extent = 12 }
 
 [[object]]
-mesh = "spot.obj"
+mesh = "spot.gltf"
 material = "m"
 
 [material.m]
