@@ -336,11 +336,8 @@ fn shadow(light: &Table, kind_value: &Value, kind: LightKind) -> Result<Option<S
     match &value {
         None if cube => return Ok(None),
         None => {}
-        Some(v) if v.is_bool() => {
-            if !v.bool()? {
-                return Ok(None);
-            }
-        }
+        Some(v) if v.is_bool() && !v.bool()? => return Ok(None),
+        Some(v) if v.is_bool() => {}
         Some(v) => {
             let t = v.table()?;
             made.size = t.u32("size", 1..=16384)?.unwrap_or(made.size);
@@ -453,13 +450,13 @@ struct Wanted<'a> {
 
 enum Shape<'a> {
     File(Value<'a>),
-    Made(Mesh),
+    Made(Box<Mesh>),
 }
 
 fn object<'a>(t: &Table<'a>) -> Result<Wanted<'a>> {
     let mesh = t.need("mesh")?;
     let shape = if mesh.is_table() {
-        Shape::Made(primitive(&mesh.table()?)?)
+        Shape::Made(Box::new(primitive(&mesh.table()?)?))
     } else {
         mesh.str()?;
         Shape::File(mesh)
@@ -483,10 +480,8 @@ fn object<'a>(t: &Table<'a>) -> Result<Wanted<'a>> {
     let move_by: [f32; 3] = t.floats("translate")?.unwrap_or([0.0; 3]);
     // T * R * S: the columns of R, each scaled, and the translation. Rounded once.
     let mut own = Mat4::translation(move_by.into());
-    for c in 0..3 {
-        for r in 0..3 {
-            own.0[c][r] = (rotation[c][r] * f64::from(scale[c])) as f32;
-        }
+    for ((column, turned), s) in own.0.iter_mut().zip(rotation).zip(scale) {
+        column.iter_mut().zip(turned).for_each(|(m, v)| *m = (v * f64::from(s)) as f32);
     }
     let transforms = match t.get("instances") {
         None => vec![own],
@@ -676,7 +671,7 @@ fn things(
                         scene.add_material(Material { double_sided: true, ..Default::default() })
                     })
                 });
-                scene.meshes.push(mesh.clone());
+                scene.meshes.push((**mesh).clone());
                 Arc::new(vec![Object {
                     name: mesh.name.clone(),
                     mesh: scene.meshes.len() - 1,
