@@ -90,7 +90,7 @@ fn scanline(input: &mut Input, row: &mut [[u8; 4]]) -> Result<()> {
     let length = row.len();
     let head: [u8; 4] = input.take()?;
     if (8..32768).contains(&length) && head[..2] == [2, 2] && head[2] < 128 {
-        if usize::from(head[2]) << 8 | usize::from(head[3]) != length {
+        if usize::from(u16::from_be_bytes([head[2], head[3]])) != length {
             return Err(corrupt("a row states another width than the header").at(format!("byte {}", input.at)));
         }
         for c in 0..4 {
