@@ -176,7 +176,9 @@ fn png(bytes: &[u8], job: &Job, findings: &mut Vec<Finding>) -> Result<Image> {
 
 /// The JPEG decoder's options. Its transforms and colour conversion work in integers, in scalar and vector code;
 /// which of them runs cannot be chosen here (zune-core 0.5 joins its switches with "or", and all are on), so
-/// the hash test on emulated CPUs is what holds them to the same pixels.
+/// the hash test on emulated CPUs is what holds them to the same pixels. Builds of zune-jpeg 0.5.15 with and
+/// without its x86 feature gave the same pixels for 121 files (4:4:4, 4:2:2, 4:2:0, baseline and progressive,
+/// quality 10 to 95, odd sizes).
 fn jpeg_options() -> zune_core::options::DecoderOptions {
     zune_core::options::DecoderOptions::new_safe()
         .set_max_width(MOST_SIDE as usize)
