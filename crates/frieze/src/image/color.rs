@@ -191,7 +191,7 @@ pub fn aces<N: Num>(c: Vec3<N>) -> Vec3<N> {
 pub fn agx<N: Num>(c: Vec3<N>) -> Vec3<N> {
     let inset = [
         [0.842_479_06, 0.078_433_6, 0.079_223_745],
-        [0.042_328_242, 0.878_468_64, 0.079_166_13],
+        [0.042_328_242, 0.878_468_6, 0.079_166_13],
         [0.042_375_655, 0.078_433_6, 0.879_143],
     ];
     let outset = [
@@ -253,7 +253,7 @@ mod tests {
         // Published: 0.5 -> 0.21404114 (IEC 61966-2-1), 0.18 -> 0.46135613, and the knee.
         assert!((srgb_to_linear(0.5f32) - 0.214_041_14).abs() < 1e-7);
         assert!((linear_to_srgb(0.18f32) - 0.461_356_13).abs() < 1e-7);
-        assert!((srgb_to_linear(0.04045f32) - 0.003_130_804_9).abs() < 1e-9);
+        assert!((srgb_to_linear(0.04045f32) - 0.003_130_805).abs() < 1e-9);
         assert_eq!((srgb_to_linear(0.0f32), linear_to_srgb(0.0f32)), (0.0, 0.0));
         // 1.055 - 0.055 in f32 is one unit in the last place below 1.
         assert_eq!((srgb_to_linear(1.0f32), linear_to_srgb(1.0f32)), (1.0, BELOW_ONE));
@@ -334,9 +334,9 @@ mod tests {
         // Hill's fit at grey 1: the rows of the input matrix sum to 1, (1.0245786 - 0.000090537) /
         // (0.983729 + 0.432951 + 0.238081) = 0.619115, and the output rows sum to 1 within 1e-5.
         close(aces(Vec3::splat(1.0)), [0.619_115; 3], 1e-5);
-        // AgX maps middle grey 0.18 to a display value of 0.4616 -> 0.18 of light (Sobotka's pivot), within
-        // the error of the polynomial.
-        close(agx(Vec3::splat(0.18)), [0.18; 3], 0.01);
+        // AgX puts middle grey 0.18 at half of the display's range before the power of 2.2: 0.5^2.2 = 0.2176; the
+        // polynomial is within 0.004 of the curve.
+        close(agx(Vec3::splat(0.18)), [0.2176; 3], 0.004);
     }
 
     #[test]

@@ -17,6 +17,9 @@ fn rgbe(c: [f32; 3]) -> [u8; 4] {
         // 2^(8 - e) in f64 is exact.
         let scale = f64::from_bits(((1023 + 8 - e) as u64) << 52);
         let m = c.map(|v| (f64::from(v) * scale + 0.5) as u32);
+        if m == [0; 3] {
+            return [0; 4];
+        }
         if m.iter().all(|&m| m < 256) {
             return [m[0] as u8, m[1] as u8, m[2] as u8, (e + 128) as u8];
         }

@@ -66,7 +66,7 @@ pub(super) fn write(out: &mut dyn Write, image: &Image, job: &Job) -> Result<()>
                 .remedy("write .exr or .hdr, or render with 8 or 16 bits"));
         }
     };
-    let channels = image.channels() - usize::from(image.channels() % 2 == 0 && all_opaque(image));
+    let channels = image.channels() - usize::from(image.channels().is_multiple_of(2) && all_opaque(image));
     let rows = Rows { image, channels, depth };
     let height = image.height() as usize;
     let per_band = (BAND / (rows.bytes_per_row() + 1)).max(1);
@@ -149,7 +149,7 @@ fn filter(rows: &Rows, from: usize, to: usize) -> Vec<u8> {
         let (kind, line) = line.split_first_mut().expect("a row has its filter's byte");
         let (x, a, b, c) = (&this[pixel..], &this[..size], &above[pixel..], &above[..size]);
         line.iter_mut().zip(x.iter().zip(b)).for_each(|(o, (x, b))| *o = x.wrapping_sub(*b));
-        (*kind, _) = (2, ());
+        *kind = 2;
         let mut best = cost(line);
         if best > 0 {
             trial.iter_mut().zip(x.iter().zip(a)).for_each(|(o, (x, a))| *o = x.wrapping_sub(*a));
@@ -200,7 +200,7 @@ mod tests {
 
     #[test]
     fn adler_sums_combine() {
-        let data: Vec<u8> = (0..100_000u32).map(|k| (k * k >> 7) as u8).collect();
+        let data: Vec<u8> = (0..100_000u32).map(|k| (k.wrapping_mul(k) >> 7) as u8).collect();
         let sum = |d: &[u8]| simd_adler32::adler32(&d);
         for cut in [0, 1, 777, 65521, 100_000] {
             let (a, b) = data.split_at(cut);

@@ -79,9 +79,7 @@ pub(super) fn decode(bytes: &[u8], job: &Job) -> Result<Image> {
             let (x, y) = if swapped { (o, i) } else { (i, o) };
             let (x, y) = (if from_left { x } else { w - 1 - x }, if from_top { y } else { h - 1 - y });
             let k = 3 * (y * w + x);
-            for c in 0..3 {
-                out[k + c] = value(p[c], p[3]);
-            }
+            out[k..k + 3].iter_mut().zip(p).for_each(|(v, &m)| *v = value(m, p[3]));
         }
     }
     Image::new(width, height, 3, Pixels::F32(out), Encoding::Linear)
@@ -92,7 +90,7 @@ fn scanline(input: &mut Input, row: &mut [[u8; 4]]) -> Result<()> {
     let length = row.len();
     let head: [u8; 4] = input.take()?;
     if (8..32768).contains(&length) && head[..2] == [2, 2] && head[2] < 128 {
-        if usize::from(head[2]) << 8 | usize::from(head[3]) != length {
+        if usize::from(u16::from_be_bytes([head[2], head[3]])) != length {
             return Err(corrupt("a row states another width than the header").at(format!("byte {}", input.at)));
         }
         for c in 0..4 {
