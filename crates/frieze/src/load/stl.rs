@@ -90,7 +90,7 @@ fn facets(bytes: &[u8], context: &Context<'_>, findings: &mut Findings) -> Resul
                 };
                 *out = core::array::from_fn(number);
             }
-            out.iter().flatten().all(|v| v.is_finite()).then_some(usize::MAX).unwrap_or(k)
+            if out.iter().flatten().all(|v| v.is_finite()) { usize::MAX } else { k }
         })
         .reduce(|| usize::MAX, usize::min);
     if bad != usize::MAX {
