@@ -18,7 +18,7 @@ use crate::error::{Error, Finding, Result};
 use crate::job::{Job, Reservation};
 use crate::math::vec::Vec3;
 use crate::scene::light::default_rig;
-use crate::scene::{Scene, ToneMap};
+use crate::scene::{Material, Model, Scene, ToneMap};
 use files::{Blob, Root};
 use std::path::Path;
 use std::sync::Mutex;
@@ -264,6 +264,11 @@ fn dress(scene: &mut Scene) {
     if scene.lights.is_empty() {
         let zero = Vec3::splat(0.0);
         scene.lights = default_rig(scene.bounds().unwrap_or((zero, zero)));
+        // A metallic-roughness surface reflects albedo / pi of a light, a Blinn-Phong surface the albedo.
+        let pbr = |m: &Material| m.model == Model::Pbr;
+        if scene.materials.iter().any(pbr) {
+            scene.lights.iter_mut().for_each(|l| l.intensity *= core::f32::consts::PI);
+        }
     }
 }
 
@@ -281,6 +286,7 @@ mod tests {
         assert_eq!(scene.view, View::Auto);
         assert_eq!(scene.lights.len(), 2);
         assert!(scene.lights[0].shadow.is_some() && scene.lights[1].shadow.is_none());
+        assert_eq!(scene.lights[0].intensity, 0.8);
     }
 
     #[test]

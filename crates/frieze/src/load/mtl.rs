@@ -402,10 +402,15 @@ fn material(m: &Description, diagonal: f32, pictures: &Pictures, scene: &Scene, 
         let image = &scene.images[alpha.image];
         if alpha.channel.is_none() {
             let last = image.channels() - 1;
-            let has_alpha = image.channels() % 2 == 0 && samples(image).any(|(x, y)| image.value(x, y, last) < 1.0);
+            let has_alpha =
+                image.channels().is_multiple_of(2) && samples(image).any(|(x, y)| image.value(x, y, last) < 1.0);
             alpha.channel = Some(if has_alpha { Channel::A } else { Channel::R });
         }
-        let c = if alpha.channel == Some(Channel::A) && image.channels() % 2 == 0 { image.channels() - 1 } else { 0 };
+        let c = if alpha.channel == Some(Channel::A) && image.channels().is_multiple_of(2) {
+            image.channels() - 1
+        } else {
+            0
+        };
         let sharp = samples(image).filter(|&(x, y)| (image.value(x, y, c) - 0.5).abs() > 0.45).count();
         let cut = made.opacity >= 1.0 && sharp * 10 >= samples(image).count() * 9;
         made.alpha = if cut { Alpha::Mask(0.5) } else { Alpha::Blend };

@@ -509,7 +509,7 @@ fn faces(
         body.item(element, &mut numbers, &mut |property, value| {
             if property == indices {
                 // What is no index becomes one that is out of range.
-                let whole = value >= 0.0 && value < 4294967295.0 && value.fract() == 0.0;
+                let whole = (0.0..4294967295.0).contains(&value) && value.fract() == 0.0;
                 face.push(if whole { value as u32 } else { u32::MAX });
             } else if Some(property) == wedge {
                 of_face.push(value as f32);

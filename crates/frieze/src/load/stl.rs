@@ -90,7 +90,7 @@ fn facets(bytes: &[u8], context: &Context<'_>, findings: &mut Findings) -> Resul
                 };
                 *out = core::array::from_fn(number);
             }
-            out.iter().flatten().all(|v| v.is_finite()).then_some(usize::MAX).unwrap_or(k)
+            if out.iter().flatten().all(|v| v.is_finite()) { usize::MAX } else { k }
         })
         .reduce(|| usize::MAX, usize::min);
     if bad != usize::MAX {
@@ -126,10 +126,9 @@ fn solids(bytes: &[u8], context: &Context<'_>, findings: &mut Findings) -> Resul
                 return Err(Error::input("mesh.not-finite", message).at(place(at)));
             }
             positions.push(p);
-        } else if word.eq_ignore_ascii_case(b"outer") {
-            outer = positions.len();
-        } else if word.eq_ignore_ascii_case(b"endloop") || word.eq_ignore_ascii_case(b"endfacet") {
-            let n = positions.len() - outer.min(positions.len());
+        } else if [&b"outer"[..], b"endloop", b"endfacet"].iter().any(|w| word.eq_ignore_ascii_case(w)) {
+            // A facet whose end is missing ends where the next begins.
+            let n = positions.len() - outer;
             if n > 3 {
                 // Not allowed, but written by some: a fan.
                 let face = positions.split_off(outer);
@@ -198,6 +197,9 @@ mod tests {
         let good = binary("", &[facet; 3]);
         let code = |bytes: &[u8]| read(bytes).map_or_else(|e| e.code, |_| "loaded");
         assert_eq!(code(&good[..good.len() - 1]), "stl.truncated");
+        let missing_end = "solid\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 1 1 1\nendloop";
+        let loaded = read(missing_end.as_bytes()).unwrap();
+        assert_eq!((loaded.scene.meshes[0].positions.len(), loaded.findings[0].code), (3, "stl.face-short"));
         let mut bad = facet;
         bad[4] = f32::NAN;
         let error = read(&binary("", &[facet, bad])).unwrap_err();
