@@ -11,6 +11,7 @@ pub mod map;
 pub mod math;
 pub mod mesh;
 pub mod prepare;
+pub mod raster;
 pub mod render;
 pub mod samples;
 pub mod scene;

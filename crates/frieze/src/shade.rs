@@ -12,6 +12,7 @@
 pub mod brdf;
 pub mod lamp;
 pub mod probe;
+pub mod shader;
 pub mod surface;
 
 pub use lamp::{Lamp, Lights};

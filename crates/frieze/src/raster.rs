@@ -1,0 +1,3 @@
+//! Triangles -> samples, on the screen or in UV space; knows nothing of shading.
+
+pub mod fragments;
