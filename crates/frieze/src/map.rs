@@ -1,5 +1,7 @@
 //! A map is data you can query while shading: `at(place, footprint)`.
 
+mod area;
+mod fetch;
 pub mod filter;
 #[allow(clippy::module_inception)]
 pub mod map;
@@ -7,4 +9,4 @@ pub mod normal;
 pub mod shadow;
 
 pub use filter::{Filter, Wrap};
-pub use map::{Footprint, Map};
+pub use map::{Footprint, Map, Tap};

@@ -5,6 +5,7 @@ pub mod mesh;
 pub mod meshlet;
 pub mod shape;
 pub mod tangent;
+mod teapot;
 pub mod topology;
 
 pub use mesh::{Attribute, Mesh, Polygons};

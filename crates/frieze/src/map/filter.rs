@@ -1,6 +1,10 @@
-//! Nearest ... EWA.
+//! Nearest ... EWA: which filters there are, and what each computes.
 
 /// How texels are combined.
+///
+/// Texel `i` of `n` has its centre at `(i + 1/2) / n`; the nearest texel of `u` is `floor(u n)`, not "the
+/// rounded coordinate" (row 38, erratum E15). Levels are those of [`Pyramid`](crate::image::pyramid::Pyramid).
+/// Multisampling is no cure for texture minification: it shades once per pixel (erratum E11); these are.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub enum Filter {
     /// The nearest texel of the finest level.
@@ -23,7 +27,8 @@ pub enum Filter {
     },
     /// Elliptical weighted average.
     Ewa {
-        /// Radius of the ellipse in units of a pixel; the default has a box pixel's second moment.
+        /// Radius of the ellipse in units of a pixel; the default, [`Filter::EWA_RADIUS`], has a box pixel's
+        /// second moment.
         radius: f32,
     },
     /// Averages points over the footprint in the finest level: the reference.
@@ -31,6 +36,11 @@ pub enum Filter {
         /// How many points.
         taps: u32,
     },
+}
+
+impl Filter {
+    /// The radius in pixels of the disk that has the second moment of a box pixel: r^2/4 = 1/12.
+    pub const EWA_RADIUS: f32 = 0.577_350_26;
 }
 
 /// What a lookup outside of `0 ..= 1` answers.

@@ -151,3 +151,19 @@ impl Light {
         }
     }
 }
+
+/// The lights of a scene that has none: a key light from above, to the left of the camera that is fitted to
+/// `bounds` (smallest and largest world coordinates), with a shadow, and a dimmer fill light from the right
+/// without. They go with the ambient light that a scene has by default.
+pub fn default_rig((lo, hi): (Vec3, Vec3)) -> Vec<Light> {
+    let center = (lo + hi) * 0.5;
+    let radius = ((hi - lo).length() * 0.5).max(1e-6);
+    // The fitted camera looks from azimuth 30 degrees: from (0.5, ., 0.87).
+    let light = |name: &str, from: [f32; 3], intensity: f32, shadow: Option<Shadow>| Light {
+        name: name.to_owned(),
+        intensity,
+        shadow,
+        ..Light::directional(center + Vec3::from(from).normalize() * (2.0 * radius), center)
+    };
+    vec![light("key", [-0.25, 1.1, 1.0], 0.8, Some(Shadow::default())), light("fill", [1.0, 0.4, 0.3], 0.3, None)]
+}
