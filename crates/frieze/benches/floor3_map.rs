@@ -28,11 +28,12 @@ impl Kernel for Frame<'_> {
     fn run<L: Lane>(self, l: L) -> f32 {
         let mut sum = l.f(0.0);
         let step = self.zoom / SIZE as f32;
-        let across = 1920 / L::WIDTH;
+        // Tiles of 64x64, rows of blocks within.
+        let (tile, across) = (64 * 64 / L::WIDTH, 64 / L::WIDTH);
         for b in 0..COUNT / L::WIDTH {
-            let (bx, by) = (b % across, b / across);
-            let x = (l.ramp() + (bx * L::WIDTH) as i32).to_num();
-            let y = by as f32;
+            let (t, k) = (b / tile, b % tile);
+            let x = (l.ramp() + (t % 30 * 64 + k % across * L::WIDTH) as i32).to_num();
+            let y = (t / 30 * 64 + k / across) as f32;
             // Turned by some 17 degrees, so that no axis is favoured.
             let place = Vec2::new(x * (step * 0.96) - y * step * 0.28 + 7.0, x * (step * 0.28) + y * step * 0.96);
             let wobble = (x * 0.371 - (x * 0.371).floor()) * self.spread + 1.0;

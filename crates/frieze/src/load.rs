@@ -248,6 +248,15 @@ fn read(
     Ok((scene, findings))
 }
 
+/// Decodes an image file.
+///
+/// # Errors
+/// Input faults name the file, the place in it and a remedy.
+pub fn image(path: &Path, options: &LoadOptions) -> Result<(crate::image::Image, Vec<Finding>)> {
+    let bytes = files::read_path(path, u64::MAX, &options.job)?;
+    options.job.run(|| decode::image(&bytes, path, &options.job))
+}
+
 /// What a bare model gets: the tone map, and lights if it has none.
 fn dress(scene: &mut Scene) {
     scene.output.tone_map = ToneMap::KhronosNeutral;

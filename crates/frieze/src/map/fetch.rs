@@ -32,41 +32,24 @@ fn places<L: Lane>(i: L::I) -> [i32; MOST] {
     out
 }
 
-/// `words` 32-bit words from pairs of neighbouring texels: `get(pair, word)`.
-#[inline(always)]
-fn pairs<L: Lane, T: Copy, const N: usize>(l: L, texels: &[T], i: L::I, get: impl Fn(&[T], usize) -> u32) -> [L::I; N] {
-    let at = places::<L>(i);
-    let mut words = [[0i32; MOST]; N];
-    for k in 0..L::WIDTH {
-        let pair = &texels[at[k] as u32 as usize..][..2];
-        for (n, w) in words.iter_mut().enumerate() {
-            w[k] = get(pair, n) as i32;
-        }
-    }
-    words.map(|w| l.load_i(&w))
-}
-
 impl Store for u32 {
     #[inline(always)]
     fn four<L: Lane>(l: L, texels: &[u32], i: L::I, j: L::I) -> [Raw<L>; 4] {
         // Channels stay where they are in the word: interpolation does not mind powers of two.
-        let unpack = |t: L::I| {
+        #[inline(always)]
+        fn unpack<I: Int>(t: I) -> [I::Num; 4] {
             [(t & 0xff).to_num(), (t & 0xff00).to_num(), (t & 0xff_0000).to_num(), ((t >> 8) & 0xff_0000).to_num()]
-        };
-        let [a, b] = pairs::<L, u32, 2>(
-            l,
-            texels,
-            i,
-            #[inline(always)]
-            |p, n| p[n],
-        );
-        let [c, d] = pairs::<L, u32, 2>(
-            l,
-            texels,
-            j,
-            #[inline(always)]
-            |p, n| p[n],
-        );
+        }
+        let (i, j) = (places::<L>(i), places::<L>(j));
+        let mut w = [[0i32; MOST]; 4];
+        for k in 0..L::WIDTH {
+            let (p, q) = (&texels[i[k] as u32 as usize..][..2], &texels[j[k] as u32 as usize..][..2]);
+            w[0][k] = p[0] as i32;
+            w[1][k] = p[1] as i32;
+            w[2][k] = q[0] as i32;
+            w[3][k] = q[1] as i32;
+        }
+        let (a, b, c, d) = (l.load_i(&w[0]), l.load_i(&w[1]), l.load_i(&w[2]), l.load_i(&w[3]));
         [unpack(a), unpack(b), unpack(c), unpack(d)]
     }
     #[inline(always)]
@@ -78,7 +61,10 @@ impl Store for u32 {
     fn finish<N: Num>([r, g, b, a]: [N; 4]) -> Vec4<N> {
         // c/255 = c/256 + c/256/255, which rounds as the division does.
         const S: [f32; 3] = [1.0 / 256.0, 1.0 / 65536.0, 1.0 / 16_777_216.0];
-        let full = |v: N, s: f32| v * s + v * s * (1.0 / 255.0);
+        #[inline(always)]
+        fn full<N: Num>(v: N, s: f32) -> N {
+            v * s + v * s * (1.0 / 255.0)
+        }
         Vec4::new(full(r, S[0]), full(g, S[1]), full(b, S[2]), full(a, S[2]))
     }
 }
@@ -86,23 +72,19 @@ impl Store for u32 {
 impl Store for [u32; 2] {
     #[inline(always)]
     fn four<L: Lane>(l: L, texels: &[[u32; 2]], i: L::I, j: L::I) -> [Raw<L>; 4] {
-        let unpack = |t: L::I, u: L::I| {
+        #[inline(always)]
+        fn unpack<I: Int>(t: I, u: I) -> [I::Num; 4] {
             [(t & 0xffff).to_num(), ((t >> 16) & 0xffff).to_num(), (u & 0xffff).to_num(), ((u >> 16) & 0xffff).to_num()]
-        };
-        let [a, b, c, d] = pairs::<L, [u32; 2], 4>(
-            l,
-            texels,
-            i,
-            #[inline(always)]
-            |p, n| p[n / 2][n % 2],
-        );
-        let [e, f, g, h] = pairs::<L, [u32; 2], 4>(
-            l,
-            texels,
-            j,
-            #[inline(always)]
-            |p, n| p[n / 2][n % 2],
-        );
+        }
+        let (i, j) = (places::<L>(i), places::<L>(j));
+        let mut rows = [[0.0f32; 8]; MOST];
+        for k in 0..L::WIDTH {
+            let (p, q) = (&texels[i[k] as u32 as usize..][..2], &texels[j[k] as u32 as usize..][..2]);
+            rows[k] = [p[0][0], p[0][1], p[1][0], p[1][1], q[0][0], q[0][1], q[1][0], q[1][1]].map(f32::from_bits);
+        }
+        let w = l.transpose8(&rows[..L::WIDTH]);
+        let (a, b, c, d) = (w[0].to_bits(), w[1].to_bits(), w[2].to_bits(), w[3].to_bits());
+        let (e, f, g, h) = (w[4].to_bits(), w[5].to_bits(), w[6].to_bits(), w[7].to_bits());
         [unpack(a, b), unpack(c, d), unpack(e, f), unpack(g, h)]
     }
     #[inline(always)]
@@ -112,29 +94,31 @@ impl Store for [u32; 2] {
     #[inline(always)]
     fn finish<N: Num>(raw: [N; 4]) -> Vec4<N> {
         // c/65535 = c/65536 + c/65536/65535, which rounds as the division does.
-        Vec4::from(raw.map(|v| v * (1.0 / 65536.0) + v * (1.0 / 65536.0) * (1.0 / 65535.0)))
+        #[inline(always)]
+        fn full<N: Num>(v: N) -> N {
+            v * (1.0 / 65536.0) + v * (1.0 / 65536.0) * (1.0 / 65535.0)
+        }
+        Vec4::new(full(raw[0]), full(raw[1]), full(raw[2]), full(raw[3]))
     }
 }
 
 impl Store for [f32; 4] {
     #[inline(always)]
     fn four<L: Lane>(l: L, texels: &[[f32; 4]], i: L::I, j: L::I) -> [Raw<L>; 4] {
-        let w = pairs::<L, [f32; 4], 8>(
-            l,
-            texels,
-            i,
-            #[inline(always)]
-            |p, n| p[n / 4][n % 4].to_bits(),
-        );
-        let v = pairs::<L, [f32; 4], 8>(
-            l,
-            texels,
-            j,
-            #[inline(always)]
-            |p, n| p[n / 4][n % 4].to_bits(),
-        );
-        let f = |w: [L::I; 8], n: usize| core::array::from_fn(|c| w[n + c].from_bits());
-        [f(w, 0), f(w, 4), f(v, 0), f(v, 4)]
+        #[inline(always)]
+        fn pair<L: Lane>(l: L, texels: &[[f32; 4]], i: L::I) -> [Raw<L>; 2] {
+            let i = places::<L>(i);
+            let mut rows = [[0.0f32; 8]; MOST];
+            for k in 0..L::WIDTH {
+                let p = &texels[i[k] as u32 as usize..][..2];
+                rows[k][..4].copy_from_slice(&p[0]);
+                rows[k][4..].copy_from_slice(&p[1]);
+            }
+            let [a, b, c, d, e, f, g, h] = l.transpose8(&rows[..L::WIDTH]);
+            [[a, b, c, d], [e, f, g, h]]
+        }
+        let ([a, b], [c, d]) = (pair(l, texels, i), pair(l, texels, j));
+        [a, b, c, d]
     }
     #[inline(always)]
     fn one(self) -> [f32; 4] {
@@ -193,13 +177,13 @@ impl<L: Lane> At<L> {
     fn gather(l: L, shapes: &[Shape], level: L::I) -> Self {
         let at = places::<L>(level);
         let last = shapes.len() - 1;
-        let s = |k: usize| shapes[(at[k] as u32 as usize).min(last)];
-        At {
-            width: l.f_from(|k| s(k).width as f32),
-            height: l.f_from(|k| s(k).height as f32),
-            pitch: l.i_from(|k| s(k).pitch as i32),
-            offset: l.i_from(|k| s(k).offset as i32),
+        let (mut size, mut step) = ([[0.0; MOST]; 2], [[0; MOST]; 2]);
+        for k in 0..L::WIDTH {
+            let s = shapes[(at[k] as u32 as usize).min(last)];
+            (size[0][k], size[1][k]) = (s.width as f32, s.height as f32);
+            (step[0][k], step[1][k]) = (s.pitch as i32, s.offset as i32);
         }
+        At { width: l.load(&size[0]), height: l.load(&size[1]), pitch: l.load_i(&step[0]), offset: l.load_i(&step[1]) }
     }
     /// The level of a single lane, for a listener.
     fn shape(&self) -> Shape {
@@ -212,22 +196,26 @@ impl<L: Lane> At<L> {
     }
 }
 
+/// Level `k` in all lanes; the nearest there is.
+#[inline(always)]
+fn nearest<L: Lane>(l: L, mips: &[Shape], k: i32) -> At<L> {
+    At::uniform(l, mips[(k.max(0) as usize).min(mips.len() - 1)])
+}
+
 /// The levels `level` and `level + 1` of each lane (the last stays the last). `level` is within the mips.
 /// Mostly all lanes need the same or neighbouring levels: those are made from constants.
 #[inline(always)]
 pub(super) fn two_levels<L: Lane>(l: L, mips: &[Shape], level: L::I, active: L::M) -> [At<L>; 2] {
-    let last = mips.len() - 1;
-    let get = |k: i32| At::uniform(l, mips[(k.max(0) as usize).min(last)]);
     let idle = !active;
     let first = level.lane((active.bits() | 1 << (L::WIDTH - 1)).trailing_zeros() as usize);
     let same = level.eq(l.i(first));
     if (same | idle).all() {
-        return [get(first), get(first + 1)];
+        return [nearest(l, mips, first), nearest(l, mips, first + 1)];
     }
     let low = if (level.lt(l.i(first)) & active).any() { first - 1 } else { first };
     let above = level.eq(l.i(low + 1));
     if (above | level.eq(l.i(low)) | idle).all() {
-        let (a, b, c) = (get(low), get(low + 1), get(low + 2));
+        let (a, b, c) = (nearest(l, mips, low), nearest(l, mips, low + 1), nearest(l, mips, low + 2));
         return [b.or_else(above, a), c.or_else(above, b)];
     }
     [At::gather(l, mips, level), At::gather(l, mips, level + 1)]
@@ -247,6 +235,12 @@ pub(super) fn fold<N: Num>(wrap: Wrap, u: N) -> N {
         Wrap::Clamp => u.saturate(),
         Wrap::Border => u.clamp(-1.0, 2.0),
     }
+}
+
+/// `a + (b - a) t`, channel by channel. Spelt out: closures given to `core::array` are not inlined.
+#[inline(always)]
+pub(super) fn mix4<N: Num>(t: N, a: [N; 4], b: [N; 4]) -> [N; 4] {
+    [t.mix(a[0], b[0]), t.mix(a[1], b[1]), t.mix(a[2], b[2]), t.mix(a[3], b[3])]
 }
 
 /// The left one of the two texels around folded `u`, and how far right of its centre `u` lies.
@@ -285,7 +279,7 @@ pub(super) fn bilinear<L: Lane, S: Store, H: Listen>(
             listen.tap(shape, x, y, k * w);
         }
     }
-    core::array::from_fn(|k| t.mix(s.mix(a[k], b[k]), s.mix(c[k], d[k])))
+    mix4(t, mix4(s, a, b), mix4(s, c, d))
 }
 
 /// The texel with index `i` of `n` under a wrap; `None` outside of a border.
@@ -343,7 +337,7 @@ pub(super) fn bilinear_border<S: Store, H: Listen>(
     let mut get = |dx, dy, k: f32| texel(texels, shape, wrap, x0 + dx, y0 + dy, k * weight, listen);
     let (a, b) = (get(0, 0, (1.0 - s) * (1.0 - t)), get(1, 0, s * (1.0 - t)));
     let (c, d) = (get(0, 1, (1.0 - s) * t), get(1, 1, s * t));
-    core::array::from_fn(|k| t.mix(s.mix(a[k], b[k]), s.mix(c[k], d[k])))
+    mix4(t, mix4(s, a, b), mix4(s, c, d))
 }
 
 /// `log2(x) / 2` for x within 2^-60 ..= 2^60 (others and NaN are clamped), error below 3e-5: the exponent,

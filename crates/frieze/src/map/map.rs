@@ -209,7 +209,7 @@ impl Map {
         let [fine, coarse] = two_levels(l, mips, d.to_int(), active);
         let a = bilinear(l, texels, fine, self.wrap, place, weight * (l.f(1.0) - t), listen);
         let b = bilinear(l, texels, coarse, self.wrap, place, weight * t, listen);
-        core::array::from_fn(|k| t.mix(a[k], b[k]))
+        fetch::mix4(t, a, b)
     }
 
     /// Any filter and wrap, for one lane.

@@ -58,7 +58,10 @@ pub fn sin_cos<N: Num>(x: N) -> (N, N) {
     let swap = (q & 1).eq(q.lift(1));
     let (s, c) = (c.or_else(swap, s), s.or_else(swap, c));
     // Quadrants 2 and 3 flip the sine, 1 and 2 the cosine: bit 1 becomes the sign.
-    let flip = |v: N, q: N::Int| (v.to_bits() ^ ((q & 2) << 30)).from_bits();
+    #[inline(always)]
+    fn flip<N: Num>(v: N, q: N::Int) -> N {
+        (v.to_bits() ^ ((q & 2) << 30)).from_bits()
+    }
     (flip(s, q), flip(c, q + 1))
 }
 
@@ -154,8 +157,11 @@ pub fn atan2<N: Num>(y: N, x: N) -> N {
 fn scale<N: Num>(y: N, n: N) -> N {
     let n = n.to_int();
     let half = n >> 1;
-    let power = |n: N::Int| ((n + 127) << 23).from_bits();
-    y * power(half) * power(n - half)
+    #[inline(always)]
+    fn power<N: Num>(n: N::Int) -> N {
+        ((n + 127) << 23).from_bits()
+    }
+    y * power::<N>(half) * power::<N>(n - half)
 }
 
 /// `2^f` for f within ±1/2 and a little more: Taylor's series to the seventh power (the next term is below 6e-9).

@@ -221,6 +221,8 @@ pub trait Lane: Copy + Send + Sync + Debug + 'static {
     }
     /// Turns `WIDTH` rows of 8 numbers into 8 numbers of `WIDTH` lanes: `out[c]` lane `k` = `rows[k][c]`.
     fn transpose8(self, rows: &[[f32; 8]]) -> [Self::F; 8];
+    /// As [`Lane::transpose8`], with row `k` at the front of `row(k)` (panics if that is shorter than 8).
+    fn transpose_from<'a>(self, row: impl FnMut(usize) -> &'a [f32]) -> [Self::F; 8];
     /// Runs `f` compiled for this level, without forcing it to be inlined into the caller.
     fn enter<R>(self, f: impl FnOnce() -> R) -> R;
 }
@@ -541,6 +543,10 @@ impl Lane for One {
         rows[0]
     }
     #[inline(always)]
+    fn transpose_from<'a>(self, mut row: impl FnMut(usize) -> &'a [f32]) -> [f32; 8] {
+        core::array::from_fn(|c| row(0)[c])
+    }
+    #[inline(always)]
     fn enter<R>(self, f: impl FnOnce() -> R) -> R {
         f()
     }
@@ -746,7 +752,11 @@ macro_rules! wide {
             }
             #[inline(always)]
             fn transpose8(self, rows: &[[f32; 8]]) -> [$F<S>; 8] {
-                wide!(@transpose $n self rows $F)
+                self.transpose_from(|k| &rows[k])
+            }
+            #[inline(always)]
+            fn transpose_from<'a>(self, mut row: impl FnMut(usize) -> &'a [f32]) -> [$F<S>; 8] {
+                wide!(@transpose $n self row $F)
             }
             #[inline(always)]
             fn enter<R>(self, f: impl FnOnce() -> R) -> R {
@@ -770,14 +780,12 @@ macro_rules! wide {
             }
         }
     )*};
-    (@transpose 8 $self:ident $rows:ident $F:ident) => {{
-        let rows = &$rows[..8];
-        let r = |k: usize| f32x8::from_slice($self.0, &rows[k]);
+    (@transpose 8 $self:ident $row:ident $F:ident) => {{
+        let mut r = |k: usize| f32x8::from_slice($self.0, &$row(k)[..8]);
         transpose8x8([r(0), r(1), r(2), r(3), r(4), r(5), r(6), r(7)]).map($F)
     }};
-    (@transpose 16 $self:ident $rows:ident $F:ident) => {{
-        let rows = &$rows[..16];
-        let r = |k: usize| f32x8::from_slice($self.0, &rows[k]);
+    (@transpose 16 $self:ident $row:ident $F:ident) => {{
+        let mut r = |k: usize| f32x8::from_slice($self.0, &$row(k)[..8]);
         let lo = transpose8x8([r(0), r(1), r(2), r(3), r(4), r(5), r(6), r(7)]);
         let hi = transpose8x8([r(8), r(9), r(10), r(11), r(12), r(13), r(14), r(15)]);
         core::array::from_fn(|c| $F(lo[c].token().combine_f32x8(lo[c], hi[c])))

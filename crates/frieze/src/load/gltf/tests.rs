@@ -481,7 +481,8 @@ fn small_files_cannot_ask_for_much() {
     let mut m = Maker::new();
     let uv = m.floats("VEC2", &[0.0; 8]);
     let part = |k: usize| {
-        let attributes = if k.is_multiple_of(2) { json!({"POSITION": 0}) } else { json!({"POSITION": 0, "TEXCOORD_0": uv}) };
+        let attributes =
+            if k.is_multiple_of(2) { json!({"POSITION": 0}) } else { json!({"POSITION": 0, "TEXCOORD_0": uv}) };
         json!({"attributes": attributes, "indices": 1})
     };
     m.json["meshes"] = json!([{"primitives": (0..3000).map(part).collect::<Vec<_>>()}]);

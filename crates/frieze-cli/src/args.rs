@@ -1,0 +1,541 @@
+//! What can be typed. One struct per verb; the verbs themselves live in files of their own.
+
+use clap::builder::styling::{AnsiColor, Styles};
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use std::path::PathBuf;
+
+const STYLES: Styles = Styles::styled()
+    .header(AnsiColor::Green.on_default().bold())
+    .usage(AnsiColor::Green.on_default().bold())
+    .literal(AnsiColor::Cyan.on_default().bold())
+    .placeholder(AnsiColor::Cyan.on_default());
+
+/// Renders, compares and inspects textured 3D assets.
+///
+/// On any machine: no GPU, no driver, no display. And with the same bytes on every one of them.
+#[derive(Debug, Parser)]
+#[command(
+    name = "frieze",
+    styles = STYLES,
+    arg_required_else_help = true,
+    disable_version_flag = true,
+    infer_long_args = false,
+    max_term_width = 100,
+    after_help = "See `frieze COMMAND --help` for the options and examples of a command.",
+    after_long_help = "\
+Examples:
+  frieze render                                 our showpiece, to frieze.png
+  frieze render model.glb                       a picture of a model, to model.png
+  frieze render scene.toml -o scene.exr         a scene file, to linear light
+  frieze compare expected.png actual.png        how two pictures differ
+  frieze inspect model.obj                      what is in a file, and what is odd about it
+
+Exit codes:
+  0 done   1 a check that was asked for failed   2 bad arguments   3 bad input file
+  4 over the memory that was allowed   5 cannot write   70 a bug in frieze   130 interrupted
+
+Environment:
+  FRIEZE_SIMD   scalar, sse, avx2, avx512 or neon: uses this SIMD level of the processor instead of the
+                fastest one. The level changes the time a picture takes, never the picture.
+  NO_COLOR      no colour in messages"
+)]
+pub struct Cli {
+    /// Print the version; with --json also the SIMD levels of this processor
+    #[arg(short = 'V', long)]
+    pub version: bool,
+    /// Options that all commands share.
+    #[command(flatten)]
+    pub common: Common,
+    /// What to do.
+    #[command(subcommand)]
+    pub verb: Option<Verb>,
+}
+
+/// Options that all commands share.
+#[derive(Args, Clone, Debug)]
+#[command(next_help_heading = "Common options")]
+pub struct Common {
+    /// Print one JSON document on stdout (`frieze schema` prints its schema)
+    #[arg(long, global = true)]
+    pub json: bool,
+    /// Print errors only
+    #[arg(short, long, global = true)]
+    pub quiet: bool,
+    /// Overwrite existing files
+    #[arg(short, long, global = true)]
+    pub force: bool,
+    /// Threads to use; the result does not depend on it [default: one per core]
+    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+    /// Seed of whatever is drawn at random; the same seed gives the same result
+    #[arg(long, global = true, value_name = "N", default_value_t = 0, hide_default_value = true)]
+    pub seed: u64,
+    /// Most memory to use, such as 512M or 2G; work that needs more ends with exit code 4
+    #[arg(long, global = true, value_name = "SIZE", value_parser = memory)]
+    pub max_memory: Option<u64>,
+    /// When to colour messages
+    #[arg(long, global = true, value_name = "WHEN", value_enum, default_value_t = Color::Auto, hide_default_value = true)]
+    pub color: Color,
+}
+
+/// When to colour messages.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Color {
+    /// When they go to a terminal
+    Auto,
+    /// Always
+    Always,
+    /// Never
+    Never,
+}
+
+/// What to do.
+#[derive(Debug, Subcommand)]
+pub enum Verb {
+    /// Render a model or a scene to a picture
+    Render(Box<Render>),
+    /// Tell how two pictures or maps differ
+    Compare(Compare),
+    /// Tell what is in a model, a scene or a picture
+    Inspect(Inspect),
+    /// Tell why a pixel has its colour
+    Explain(Explain),
+    /// Run the shaders of GAMES101's assignment 3 as its framework does
+    Games101(Games101),
+    /// List the built-in scenes
+    Samples,
+    /// Print a completion script for a shell
+    #[command(after_long_help = "\
+Examples:
+  frieze completions bash > ~/.local/share/bash-completion/completions/frieze
+  frieze completions zsh  > ~/.zfunc/_frieze
+  frieze completions fish > ~/.config/fish/completions/frieze.fish")]
+    Completions {
+        /// The shell
+        #[arg(value_enum)]
+        shell: clap_complete::Shell,
+    },
+    /// Write man pages
+    #[command(after_long_help = "\
+Examples:
+  frieze man -o ~/.local/share/man/man1")]
+    Man {
+        /// The folder to write to; it is made if need be
+        #[arg(short, long = "output", value_name = "DIR")]
+        out: PathBuf,
+    },
+    /// Print the JSON schema of what --json prints
+    Schema,
+}
+
+/// `frieze render`
+#[derive(Args, Debug)]
+#[command(after_long_help = "\
+Examples:
+  frieze render                                         our showpiece, to frieze.png
+  frieze render model.glb                               to model.png
+  frieze render model.obj -o big.png --size 3840x2160 --samples 16
+  frieze render sample:teapot -o - | your-viewer        PNG on stdout
+  frieze render model.glb --camera \"eye=2,1,3 target=0,0.5,0 fov=30\"
+  frieze render model.glb --turntable 36 -o turn.png    turn.000.png to turn.035.png
+  frieze render model.glb -o planes.exr --aov depth,normal
+  frieze render model.obj --albedo wood.png --normal-map wood_n.png --normal-map-scale 0.5
+
+A model without a camera is framed from the front, a little from the right and above; one without lights
+gets a key, a fill and a rim light. `frieze samples` lists the built-in scenes.")]
+pub struct Render {
+    /// A model (.glb .gltf .obj .ply .stl), a scene (.toml) or sample:NAME [default: sample:frieze]
+    pub scene: Option<PathBuf>,
+    /// Where to write: .png .exr .hdr .jpg .webp, or - for PNG on stdout [default: the scene's name + .png]
+    #[arg(short, long = "output", value_name = "OUT")]
+    pub out: Option<PathBuf>,
+    /// Pixels: WxH, or N for NxN [default: the scene's]
+    #[arg(long, value_name = "SIZE", value_parser = size)]
+    pub size: Option<(u32, u32)>,
+    /// Samples per pixel along edges: 1, 4, 8 or 16 [default: the scene's]
+    #[arg(long, value_name = "N", value_parser = samples)]
+    pub samples: Option<u32>,
+    /// Bits per channel of a .png
+    #[arg(long, value_name = "8|16", value_parser = bits, default_value = "8")]
+    pub bits: u8,
+    /// auto, the name or number of a camera of the scene, or "eye=x,y,z target=x,y,z fov=45"
+    ///
+    /// Other keys: up=x,y,z ortho=HEIGHT (instead of fov) near= far=. What is not given is taken from the
+    /// scene's camera. Distances are in metres, fov is the full vertical angle in degrees.
+    #[arg(long, value_name = "CAMERA", value_parser = crate::view::parse)]
+    pub camera: Option<crate::view::Choice>,
+    /// Write N pictures, the camera going once around its target
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    pub turntable: Option<u32>,
+    /// Extra planes beside the colour, with commas between: depth, normal, view-normal, tangent, uv,
+    /// position, object, material, triangle, barycentric, mip-level, texel-density
+    ///
+    /// They go into the same .exr, or into files of their own beside a .png. `color` is always written.
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = aov)]
+    pub aov: Vec<Plane>,
+    /// Where all materials compute their lighting
+    #[arg(long, value_enum, value_name = "HOW")]
+    pub shading: Option<Shading>,
+    /// The reflection model of all materials
+    #[arg(long, value_enum, value_name = "MODEL")]
+    pub material: Option<Model>,
+    /// Also show the picture in the terminal
+    #[arg(long)]
+    pub preview: bool,
+    /// Afterwards render N more frames into memory and report how long they took
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    pub bench: Option<u32>,
+    /// Let the files name others outside of their own folder
+    #[arg(long)]
+    pub allow_outside: bool,
+    /// Maps for all materials.
+    #[command(flatten)]
+    pub maps: Maps,
+    /// Words of the contract that come later.
+    #[command(flatten)]
+    pub later: Later,
+}
+
+/// One-off maps.
+#[derive(Args, Debug)]
+#[command(next_help_heading = "Maps for all materials")]
+pub struct Maps {
+    /// Colour
+    #[arg(long, value_name = "FILE")]
+    pub albedo: Option<PathBuf>,
+    /// Multiplies the colour
+    #[arg(long, value_name = "X", requires = "albedo", value_parser = finite)]
+    pub albedo_scale: Option<f32>,
+    /// Tangent-space normals, +Y up
+    #[arg(long, value_name = "FILE")]
+    pub normal_map: Option<PathBuf>,
+    /// Multiplies the tilt of the normals
+    #[arg(long, value_name = "X", requires = "normal_map", value_parser = finite)]
+    pub normal_map_scale: Option<f32>,
+    /// How much ambient light arrives
+    #[arg(long, value_name = "FILE")]
+    pub occlusion: Option<PathBuf>,
+    /// How much the occlusion counts, 0 to 1
+    #[arg(long, value_name = "X", requires = "occlusion", value_parser = unit)]
+    pub occlusion_scale: Option<f32>,
+}
+
+/// Options of the contract that this version cannot honour yet: each is an error that says so.
+#[derive(Args, Debug)]
+pub struct Later {
+    #[arg(long, hide = true, value_name = "FILE")]
+    pub bump: Option<PathBuf>,
+    #[arg(long, hide = true, value_name = "X")]
+    pub bump_scale: Option<f32>,
+    #[arg(long, hide = true, value_name = "FILE")]
+    pub displacement: Option<PathBuf>,
+    #[arg(long, hide = true, value_name = "X")]
+    pub displacement_scale: Option<f32>,
+    #[arg(long, hide = true, value_name = "FILE")]
+    pub parallax: Option<PathBuf>,
+    #[arg(long, hide = true, value_name = "X")]
+    pub parallax_scale: Option<f32>,
+    #[arg(long, hide = true, value_name = "FILE")]
+    pub environment: Option<PathBuf>,
+    #[arg(long, hide = true, value_name = "X")]
+    pub environment_scale: Option<f32>,
+    #[arg(long, hide = true, value_name = "LIST")]
+    pub overlay: Option<String>,
+    #[arg(long, hide = true, value_name = "HOW")]
+    pub method: Option<String>,
+    #[arg(long, hide = true, value_name = "FILE")]
+    pub export_mesh: Option<PathBuf>,
+    #[arg(long, hide = true)]
+    pub exact: bool,
+}
+
+/// Where lighting is computed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Shading {
+    /// Once per triangle
+    Flat,
+    /// Once per vertex
+    Gouraud,
+    /// Per pixel
+    Phong,
+}
+
+/// The reflection model.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Model {
+    /// Ambient, diffuse and specular lobes
+    BlinnPhong,
+    /// Metallic-roughness
+    Pbr,
+}
+
+/// A word of `--aov`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Plane {
+    /// The picture itself.
+    Color,
+    /// An extra plane.
+    Extra(frieze::render::Aov),
+}
+
+/// `frieze compare`
+#[derive(Args, Debug)]
+#[command(after_long_help = "\
+Examples:
+  frieze compare expected.png actual.png
+  frieze compare expected.png actual.png -o heat.png --fail-above flip=0.01
+  frieze compare a.png b.png --fail-above max=0 --quiet && echo the same
+  frieze compare baked_n.png reference_n.png --normals --fail-above angle=2
+  frieze compare expected.exr actual.exr --metrics rmse,flip --json
+
+FLIP is LDR-FLIP, and HDR-FLIP where both files hold floats; 0 is the same, 1 is most different, seen from
+67.02 pixels per degree. max and rmse are in units of the full range of the file (1 = white). The first
+picture is the reference. A failed check ends with exit code 1.")]
+pub struct Compare {
+    /// The reference
+    pub a: PathBuf,
+    /// The picture to judge
+    pub b: PathBuf,
+    /// Write a heat map of the difference (.png): FLIP, or the angle with --normals
+    #[arg(short, long = "output", value_name = "OUT")]
+    pub out: Option<PathBuf>,
+    /// Fail (exit 1) where a metric is above a limit: max, rmse, flip or angle (mean, degrees)
+    #[arg(long, value_name = "METRIC=X", value_parser = crate::compare::above)]
+    pub fail_above: Vec<crate::compare::Limit>,
+    /// Fail (exit 1) where a metric is below a limit: psnr (dB)
+    #[arg(long, value_name = "METRIC=X", value_parser = crate::compare::below)]
+    pub fail_below: Vec<crate::compare::Limit>,
+    /// What to measure, with commas between [default: max,rmse,psnr,flip, and angle for normal maps]
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_enum)]
+    pub metrics: Vec<crate::compare::Metric>,
+    /// The pictures are normal maps [default: guessed from the file names]
+    #[arg(long)]
+    pub normals: bool,
+}
+
+/// `frieze inspect`
+#[derive(Args, Debug)]
+#[command(after_long_help = "\
+Examples:
+  frieze inspect model.glb
+  frieze inspect model.obj --json | jq .findings
+  frieze inspect wood_normal.png               guesses whether green points up or down
+  frieze inspect sample:teapot")]
+pub struct Inspect {
+    /// A model, a scene, a picture or sample:NAME
+    pub file: PathBuf,
+    /// Let the files name others outside of their own folder
+    #[arg(long)]
+    pub allow_outside: bool,
+}
+
+/// `frieze explain`
+#[derive(Args, Debug)]
+#[command(after_long_help = "\
+Examples:
+  frieze explain sample:teapot --pixel 512,384
+  frieze explain scene.toml --size 1920x1080 --pixel 960,540 --json")]
+pub struct Explain {
+    /// A model, a scene or sample:NAME
+    pub scene: PathBuf,
+    /// The pixel: column from the left, row from the top, both from 0
+    #[arg(long, value_name = "X,Y", value_parser = pixel)]
+    pub pixel: (u32, u32),
+    /// Pixels of the picture: WxH, or N for NxN [default: the scene's]
+    #[arg(long, value_name = "SIZE", value_parser = size)]
+    pub size: Option<(u32, u32)>,
+    /// As in `frieze render`
+    #[arg(long, value_name = "CAMERA", value_parser = crate::view::parse)]
+    pub camera: Option<crate::view::Choice>,
+    /// Let the files name others outside of their own folder
+    #[arg(long)]
+    pub allow_outside: bool,
+}
+
+/// `frieze games101`
+#[derive(Args, Debug)]
+#[command(after_long_help = "\
+Examples:
+  frieze games101 normal --mesh spot.obj -o normal.png
+  frieze games101 texture --mesh spot.obj --texture spot_texture.png -o texture.png
+  frieze games101 bump --mesh spot.obj --texture hmap.jpg -o bump.png
+  frieze games101 phong --mesh spot.obj -o phong.png --coverage int
+
+The picture is 700x700 and equal, pixel for pixel, to that of the course's framework.")]
+pub struct Games101 {
+    /// The fragment shader
+    #[arg(value_enum)]
+    pub shader: Lesson,
+    /// The model; the course uses its Spot (.obj)
+    #[arg(long, value_name = "OBJ")]
+    pub mesh: PathBuf,
+    /// The texture of `texture`, or the height map of `bump` and `displacement`
+    #[arg(long, value_name = "IMG")]
+    pub texture: Option<PathBuf>,
+    /// Where to write
+    #[arg(short, long = "output", value_name = "OUT")]
+    pub out: PathBuf,
+    /// Coverage: of 4 sub-samples, or as the framework does when insideTriangle takes integers
+    #[arg(long, value_enum, value_name = "4|int", default_value = "4")]
+    pub coverage: Coverage,
+    /// Mend the known errata of the framework
+    #[arg(long)]
+    pub corrected: bool,
+}
+
+/// The five fragment shaders.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Lesson {
+    /// Normals as colours
+    Normal,
+    /// Blinn-Phong
+    Phong,
+    /// Blinn-Phong with a texture
+    Texture,
+    /// The bumped normal as a colour
+    Bump,
+    /// Blinn-Phong on a displaced point
+    Displacement,
+}
+
+/// The coverage rule.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Coverage {
+    /// Four sub-samples
+    #[value(name = "4")]
+    Four,
+    /// The pixel's corner
+    Int,
+}
+
+/// `WxH` or `N`.
+pub fn size(s: &str) -> Result<(u32, u32), String> {
+    let side = |v: &str| match v.parse::<u32>() {
+        Ok(n) if (1..=65536).contains(&n) => Ok(n),
+        _ => Err(format!("`{v}` is not a number of pixels from 1 to 65536; write WxH or N, such as 1920x1080 or 512")),
+    };
+    match s.split_once(['x', 'X']) {
+        Some((w, h)) => Ok((side(w)?, side(h)?)),
+        None => side(s).map(|n| (n, n)),
+    }
+}
+
+/// A number of bytes with a suffix: `512M`, `2G`, `1.5GiB`. Suffixes are powers of 1024.
+pub fn memory(s: &str) -> Result<u64, String> {
+    let wrong = || format!("`{s}` is not a size; write it as 512M or 2G");
+    let digits = s.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(s.len());
+    let (number, suffix) = s.split_at(digits);
+    let number: f64 = number.parse().map_err(|_| wrong())?;
+    let shift = match suffix.to_ascii_lowercase().trim_end_matches("ib").trim_end_matches('b') {
+        "" => 0,
+        "k" => 10,
+        "m" => 20,
+        "g" => 30,
+        "t" => 40,
+        _ => return Err(wrong()),
+    };
+    let bytes = number * (1u64 << shift) as f64;
+    // 2^53: beyond it f64 has no whole bytes, and no machine has them either.
+    if bytes.is_finite() && (1.0..=9_007_199_254_740_992.0).contains(&bytes) { Ok(bytes as u64) } else { Err(wrong()) }
+}
+
+fn samples(s: &str) -> Result<u32, String> {
+    match s.parse() {
+        Ok(n @ (1 | 4 | 8 | 16)) => Ok(n),
+        _ => Err("1, 4, 8 or 16 are possible".into()),
+    }
+}
+
+fn bits(s: &str) -> Result<u8, String> {
+    match s {
+        "8" => Ok(8),
+        "16" => Ok(16),
+        _ => Err("8 or 16 are possible".into()),
+    }
+}
+
+fn pixel(s: &str) -> Result<(u32, u32), String> {
+    let parts = s.split_once(',').and_then(|(x, y)| Some((x.trim().parse().ok()?, y.trim().parse().ok()?)));
+    parts.ok_or_else(|| format!("`{s}` is not a pixel; write X,Y such as 512,384"))
+}
+
+fn aov(s: &str) -> Result<Plane, String> {
+    if s == "color" {
+        return Ok(Plane::Color);
+    }
+    let all = frieze::render::Aov::ALL;
+    all.iter().find(|(name, _)| *name == s).map(|(_, a)| Plane::Extra(*a)).ok_or_else(|| {
+        let names: Vec<_> = std::iter::once("color").chain(all.iter().map(|(n, _)| *n)).collect();
+        format!("there is no plane `{s}`{}; there are {}", did_you_mean(s, &names), names.join(", "))
+    })
+}
+
+fn finite(s: &str) -> Result<f32, String> {
+    s.parse().ok().filter(|v: &f32| v.is_finite()).ok_or_else(|| "a number is needed".into())
+}
+
+fn unit(s: &str) -> Result<f32, String> {
+    finite(s).ok().filter(|v| (0.0..=1.0).contains(v)).ok_or_else(|| "a number from 0 to 1 is needed".into())
+}
+
+/// `; did you mean `x`?` for the name nearest to `word`, or nothing when none is near.
+pub fn did_you_mean(word: &str, names: &[&str]) -> String {
+    let near = names.iter().map(|n| (distance(word, n), n)).min_by_key(|(d, _)| *d);
+    match near {
+        Some((d, name)) if d <= 1 + name.len() / 4 => format!(" (did you mean `{name}`?)"),
+        _ => String::new(),
+    }
+}
+
+/// Levenshtein distance.
+fn distance(a: &str, b: &str) -> usize {
+    let b: Vec<char> = b.chars().collect();
+    let mut row: Vec<usize> = (0..=b.len()).collect();
+    for (i, ca) in a.chars().enumerate() {
+        let mut diagonal = row[0];
+        row[0] = i + 1;
+        for (j, cb) in b.iter().enumerate() {
+            let cost = diagonal + usize::from(ca != *cb);
+            diagonal = row[j + 1];
+            row[j + 1] = cost.min(row[j] + 1).min(diagonal + 1);
+        }
+    }
+    row[b.len()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn sizes() {
+        assert_eq!(size("512"), Ok((512, 512)));
+        assert_eq!(size("1920x1080"), Ok((1920, 1080)));
+        for wrong in ["", "0", "x", "10x", "-1", "65537", "1e3", "10x20x30"] {
+            assert!(size(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn memory_sizes() {
+        assert_eq!(memory("512M"), Ok(512 << 20));
+        assert_eq!(memory("2GiB"), Ok(2 << 30));
+        assert_eq!(memory("1.5k"), Ok(1536));
+        assert_eq!(memory("100"), Ok(100));
+        for wrong in ["", "M", "-1G", "1X", "inf", "1e400", "0"] {
+            assert!(memory(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn a_near_word_is_offered_and_a_far_one_is_not() {
+        assert!(did_you_mean("depht", &["normal", "depth"]).contains("depth"));
+        assert_eq!(did_you_mean("zebra", &["normal", "depth"]), "");
+    }
+}

@@ -1,0 +1,5 @@
+//! The showpiece.
+use super::*;
+pub(super) fn scene() -> Scene {
+    super::teapot()
+}
