@@ -391,7 +391,8 @@ fn cone(points: &[[f32; 3]], triangles: &[[u8; 4]]) -> ([f32; 3], f32) {
     let mut sum = [0.0f32; 3];
     for t in triangles {
         let [a, b, c] = [points[t[0] as usize], points[t[1] as usize], points[t[2] as usize]];
-        let (u, v): ([f32; 3], [f32; 3]) = (core::array::from_fn(|k| b[k] - a[k]), core::array::from_fn(|k| c[k] - a[k]));
+        let (u, v): ([f32; 3], [f32; 3]) =
+            (core::array::from_fn(|k| b[k] - a[k]), core::array::from_fn(|k| c[k] - a[k]));
         let n = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
         let l = (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]).sqrt();
         if l == 0.0 {
@@ -422,11 +423,7 @@ mod tests {
     use crate::mesh::shape;
 
     fn cook(mesh: &Mesh) -> Meshlets {
-        let from = Sources {
-            normals: mesh.normals.as_ref(),
-            uv: [mesh.uv[0].as_ref(), None],
-            ..Sources::default()
-        };
+        let from = Sources { normals: mesh.normals.as_ref(), uv: [mesh.uv[0].as_ref(), None], ..Sources::default() };
         Meshlets::new(mesh, &from)
     }
 

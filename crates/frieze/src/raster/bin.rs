@@ -1,7 +1,7 @@
 //! What touches which tile.
 
 use super::geometry::{Class, Draw, Geometry, Process, Record};
-use super::{Target, TILE};
+use super::{TILE, Target};
 use crate::math::lane::Level;
 use rayon::prelude::*;
 

@@ -429,7 +429,8 @@ fn pieces(target: &Target, draw: &Draw<'_>, slot: Slot, k: usize, record: u32, o
             let corners = [projected[0], projected[k - 1], projected[k]];
             let x = corners.map(|c| snap1(c[0]));
             let y = corners.map(|c| snap1(c[1]));
-            let area = i64::from(x[1] - x[0]) * i64::from(y[2] - y[0]) - i64::from(x[2] - x[0]) * i64::from(y[1] - y[0]);
+            let area =
+                i64::from(x[1] - x[0]) * i64::from(y[2] - y[0]) - i64::from(x[2] - x[0]) * i64::from(y[1] - y[0]);
             let front = if draw.mirrored { area > 0 } else { area < 0 };
             if area == 0 || (slot.cull_back && !front) {
                 continue;

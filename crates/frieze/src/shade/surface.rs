@@ -334,6 +334,15 @@ impl Look {
     pub fn albedo_slot(&self) -> Option<&Slot> {
         self.albedo_map.as_ref()
     }
+    /// The slot that a [`Note::Tap`] names.
+    pub fn slot(&self, name: &str) -> Option<&Slot> {
+        match name {
+            "albedo" => self.albedo_map.as_ref(),
+            "alpha" => self.alpha_map.as_ref().map(|(slot, _)| slot),
+            "normal" => self.normal_map.as_ref().map(|n| &n.slot),
+            _ => self.others.iter().find(|(_, roles)| roles[0].name() == name).map(|(slot, _)| slot),
+        }
+    }
     /// Albedo and alpha without the alpha map.
     #[inline(always)]
     pub(super) fn albedo<L: Lane, P: Probe<L>>(&self, l: L, s: &Surface<L>, probe: &mut P) -> (Vec3<L::F>, L::F) {
@@ -350,9 +359,9 @@ impl Look {
     }
     /// What the alpha map multiplies alpha with.
     #[inline(always)]
-    pub(super) fn alpha_factor<L: Lane>(&self, l: L, s: &Surface<L>) -> L::F {
+    pub(super) fn alpha_factor<L: Lane, P: Probe<L>>(&self, l: L, s: &Surface<L>, probe: &mut P) -> L::F {
         match &self.alpha_map {
-            Some((slot, channel)) => pick(slot.at(l, s, "alpha", &mut super::Silent), *channel),
+            Some((slot, channel)) => pick(slot.at(l, s, "alpha", probe), *channel),
             None => l.f(1.0),
         }
     }
