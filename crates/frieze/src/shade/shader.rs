@@ -36,6 +36,7 @@ use crate::error::{Error, Result};
 use crate::frame::Frame;
 use crate::image::{Encoding, Image, Pixels};
 use crate::map::{Footprint, Map};
+use crate::math::exact;
 use crate::math::lane::One;
 use crate::math::vec::{Mat4, Vec2, Vec3, Vec4};
 use crate::mesh::Mesh;
@@ -176,6 +177,30 @@ pub struct Fragment<V> {
     pub dx: V,
     /// The same along y (down).
     pub dy: V,
+}
+
+/// View -> clip coordinates of a pinhole that looks along -Z: `fov_y` in degrees, reversed depth `near / distance`,
+/// no far plane.
+pub fn perspective(fov_y: f32, aspect: f32, near: f32) -> Mat4 {
+    let tan = exact::tan_f64(f64::from(fov_y).to_radians() / 2.0) as f32;
+    Mat4([
+        [1.0 / (tan * aspect), 0.0, 0.0, 0.0],
+        [0.0, 1.0 / tan, 0.0, 0.0],
+        [0.0, 0.0, 0.0, -1.0],
+        [0.0, 0.0, near, 0.0],
+    ])
+}
+
+/// View -> clip coordinates of parallel rays along -Z: half width and height of the box, reversed depth 1 at `near`
+/// and 0 at `far`.
+pub fn orthographic(half_width: f32, half_height: f32, near: f32, far: f32) -> Mat4 {
+    let depth = far - near;
+    Mat4([
+        [1.0 / half_width, 0.0, 0.0, 0.0],
+        [0.0, 1.0 / half_height, 0.0, 0.0],
+        [0.0, 0.0, 1.0 / depth, 0.0],
+        [0.0, 0.0, far / depth, 1.0],
+    ])
 }
 
 /// Asks a map at `uv` over the footprint that its derivatives span: what `texture()` does in other shading

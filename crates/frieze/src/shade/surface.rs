@@ -2,7 +2,7 @@
 
 use super::lamp::Lights;
 use super::probe::{Note, Probe};
-use crate::map::{Footprint, Map};
+use crate::map::{Footprint, Map, normal};
 use crate::math::exact;
 use crate::math::lane::{Lane, Num};
 use crate::math::vec::{Vec2, Vec3, Vec4};
@@ -396,7 +396,7 @@ impl Look {
             return Facing { normal, turn: None };
         };
         let texel = tilt.slot.at(l, s, "normal", probe);
-        let m = decode(texel, tilt.scale, tilt.y_down, tilt.channels);
+        let m = normal::decode(texel, tilt.scale, tilt.y_down, tilt.channels);
         let [t, b, n] = match self.frame {
             // MikkTSpace: interpolated vectors as they are, the sum is normalised (bakers do the same).
             TangentFrame::Mikktspace if self.path == TbnPath::World => {
@@ -452,20 +452,6 @@ fn pick<N: Num>(t: Vec4<N>, channel: Channel) -> N {
         Channel::Luminance => t.x * 0.2126 + t.y * 0.7152 + t.z * 0.0722,
         Channel::RgbNorm => t.xyz().length(),
     }
-}
-
-/// Until `map::normal` has it.
-#[inline(always)]
-fn decode<N: Num>(texel: Vec4<N>, scale: f32, y_down: bool, channels: u8) -> Vec3<N> {
-    let x = (texel.x * 2.0 - 1.0) * scale;
-    let y = (texel.y * 2.0 - 1.0) * if y_down { -scale } else { scale };
-    let z = if channels == 2 {
-        let (x, y) = (texel.x * 2.0 - 1.0, texel.y * 2.0 - 1.0);
-        (x.lift(1.0) - x * x - y * y).max(x.lift(0.0)).sqrt()
-    } else {
-        texel.z * 2.0 - 1.0
-    };
-    Vec3::new(x, y, z)
 }
 
 /// A frame from the unit normal alone: t = (-xy/s, s, -zy/s) with s = √(x² + z²), b = n x t (row 65). With
