@@ -105,8 +105,13 @@ fn main() -> Result<(), frieze::Error> {
         })
         .collect();
     let image = Image::new(size, size, 3, Pixels::U8(texels), Encoding::Linear)?;
-    let eye = Vec3::new(0.0, 2.0, 5.0);
-    let view_model = Mat4::look_at(eye, Vec3::new(0.0, -0.1, 0.0), Vec3::new(0.0, 1.0, 0.0));
+    let mut mesh = shape::teapot(3.0, 8);
+    mesh.colors = None;
+    let (lo, hi) = mesh.bounds().unwrap_or_default();
+    let (lo, hi) = (Vec3::from(lo), Vec3::from(hi));
+    let (center, size_of) = ((lo + hi) * 0.5, (hi - lo).length());
+    let eye = center + Vec3::new(0.0, 0.5, 1.2) * size_of;
+    let view_model = Mat4::look_at(eye, center, Vec3::new(0.0, 1.0, 0.0));
     let uniforms = Uniforms {
         projection: perspective(45.0, 1.0, 0.1),
         lights: [Vec3::new(20.0, 20.0, 20.0), Vec3::new(-20.0, 20.0, 0.0)].map(|p| view_model.point(p)),
@@ -118,8 +123,6 @@ fn main() -> Result<(), frieze::Error> {
         },
         size: size as f32,
     };
-    let mut mesh = shape::teapot(3.0, 8);
-    mesh.colors = None;
     for (name, shader) in [
         ("normal", normal_fragment_shader as fn(&Payload, &Uniforms) -> Vec3),
         ("phong", phong_fragment_shader),

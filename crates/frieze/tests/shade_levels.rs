@@ -1,4 +1,5 @@
-//! Law 6 for shading: the same bits at every SIMD level and width.
+//! Law 6 for shading: the same bits at every SIMD level and width. Slow to compile (every level inlines the whole
+//! of shading), hence a crate of its own.
 
 use frieze::image::pyramid::Pyramid;
 use frieze::image::{Encoding, Image, Pixels};
