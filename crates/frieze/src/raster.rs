@@ -7,6 +7,7 @@
 
 pub mod bin;
 pub mod clip;
+pub mod fragments;
 pub mod geometry;
 pub mod tile;
 

@@ -70,7 +70,10 @@ pub(super) fn light_blinn_phong<L: Lane, P: Probe<L>>(
         let n_h = at.normal.dot((direction + view).normalize()).max(zero);
         let lobe = match exponent {
             Some(n) => exact::pow_int(n_h, n),
-            None => exact::pow(n_h, shininess),
+            None => l.enter(
+                #[inline(always)]
+                || exact::pow(n_h, shininess),
+            ),
         };
         let mut share = light.attenuation;
         let mut visibility = l.f(1.0);

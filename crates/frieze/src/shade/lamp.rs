@@ -19,6 +19,9 @@ pub struct Lamp {
     /// Scale and offset of the cosine for a spot's cone.
     cone: [f32; 2],
     shadow: Option<ShadowMap>,
+    /// What every lookup answers, for tests of what shading makes of it.
+    #[cfg(test)]
+    pub(super) fixed: Option<f32>,
 }
 
 /// All light that a surface receives.
@@ -41,7 +44,7 @@ impl Lights<'_> {
     }
     #[inline(always)]
     pub(super) fn any_shadow(&self) -> bool {
-        self.lamps.iter().any(|lamp| lamp.shadow.is_some())
+        self.lamps.iter().any(Lamp::casts)
     }
 }
 
@@ -75,6 +78,8 @@ impl Lamp {
             window: light.range.map_or(0.0, |r| if r > 0.0 { 1.0 / (r * r) } else { f32::MAX }),
             cone,
             shadow,
+            #[cfg(test)]
+            fixed: None,
         }
     }
     /// Colour times intensity, linear RGB.
@@ -108,6 +113,10 @@ impl Lamp {
     /// The share of light that arrives at `position`. `normal` is of unit length.
     #[inline(always)]
     pub(super) fn visibility<L: Lane>(&self, l: L, position: Vec3<L::F>, normal: Vec3<L::F>, active: L::M) -> L::F {
+        #[cfg(test)]
+        if let Some(v) = self.fixed {
+            return l.f(v);
+        }
         match &self.shadow {
             Some(map) => map.visibility(l, position, normal, active),
             None => l.f(1.0),
@@ -115,6 +124,10 @@ impl Lamp {
     }
     #[inline(always)]
     pub(super) fn casts(&self) -> bool {
+        #[cfg(test)]
+        if self.fixed.is_some() {
+            return true;
+        }
         self.shadow.is_some()
     }
 }

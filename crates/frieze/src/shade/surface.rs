@@ -2,7 +2,7 @@
 
 use super::lamp::Lights;
 use super::probe::{Note, Probe};
-use crate::map::{Footprint, Map};
+use crate::map::{Footprint, Map, normal};
 use crate::math::exact;
 use crate::math::lane::{Lane, Num};
 use crate::math::vec::{Vec2, Vec3, Vec4};
@@ -334,6 +334,15 @@ impl Look {
     pub fn albedo_slot(&self) -> Option<&Slot> {
         self.albedo_map.as_ref()
     }
+    /// The slot that a [`Note::Tap`] names.
+    pub fn slot(&self, name: &str) -> Option<&Slot> {
+        match name {
+            "albedo" => self.albedo_map.as_ref(),
+            "alpha" => self.alpha_map.as_ref().map(|(slot, _)| slot),
+            "normal" => self.normal_map.as_ref().map(|n| &n.slot),
+            _ => self.others.iter().find(|(_, roles)| roles[0].name() == name).map(|(slot, _)| slot),
+        }
+    }
     /// Albedo and alpha without the alpha map.
     #[inline(always)]
     pub(super) fn albedo<L: Lane, P: Probe<L>>(&self, l: L, s: &Surface<L>, probe: &mut P) -> (Vec3<L::F>, L::F) {
@@ -350,9 +359,9 @@ impl Look {
     }
     /// What the alpha map multiplies alpha with.
     #[inline(always)]
-    pub(super) fn alpha_factor<L: Lane>(&self, l: L, s: &Surface<L>) -> L::F {
+    pub(super) fn alpha_factor<L: Lane, P: Probe<L>>(&self, l: L, s: &Surface<L>, probe: &mut P) -> L::F {
         match &self.alpha_map {
-            Some((slot, channel)) => pick(slot.at(l, s, "alpha", &mut super::Silent), *channel),
+            Some((slot, channel)) => pick(slot.at(l, s, "alpha", probe), *channel),
             None => l.f(1.0),
         }
     }
@@ -387,7 +396,7 @@ impl Look {
             return Facing { normal, turn: None };
         };
         let texel = tilt.slot.at(l, s, "normal", probe);
-        let m = decode(texel, tilt.scale, tilt.y_down, tilt.channels);
+        let m = normal::decode(texel, tilt.scale, tilt.y_down, tilt.channels);
         let [t, b, n] = match self.frame {
             // MikkTSpace: interpolated vectors as they are, the sum is normalised (bakers do the same).
             TangentFrame::Mikktspace if self.path == TbnPath::World => {
@@ -443,20 +452,6 @@ fn pick<N: Num>(t: Vec4<N>, channel: Channel) -> N {
         Channel::Luminance => t.x * 0.2126 + t.y * 0.7152 + t.z * 0.0722,
         Channel::RgbNorm => t.xyz().length(),
     }
-}
-
-/// Until `map::normal` has it.
-#[inline(always)]
-fn decode<N: Num>(texel: Vec4<N>, scale: f32, y_down: bool, channels: u8) -> Vec3<N> {
-    let x = (texel.x * 2.0 - 1.0) * scale;
-    let y = (texel.y * 2.0 - 1.0) * if y_down { -scale } else { scale };
-    let z = if channels == 2 {
-        let (x, y) = (texel.x * 2.0 - 1.0, texel.y * 2.0 - 1.0);
-        (x.lift(1.0) - x * x - y * y).max(x.lift(0.0)).sqrt()
-    } else {
-        texel.z * 2.0 - 1.0
-    };
-    Vec3::new(x, y, z)
 }
 
 /// A frame from the unit normal alone: t = (-xy/s, s, -zy/s) with s = √(x² + z²), b = n x t (row 65). With
