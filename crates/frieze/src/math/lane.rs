@@ -12,8 +12,8 @@
 use core::fmt::Debug;
 use core::ops::{Add, BitAnd, BitOr, BitXor, Div, Mul, Neg, Not, Shl, Shr, Sub};
 use fearless_simd::{
-    Avx2, Avx512, Bytes, ExtractToken, Fallback, Level as CpuLevel, Select, Simd, SimdBase, SimdFloat, SimdInt,
-    SimdMask, Sse2, f32x8, f32x16, i32x8, i32x16, mask32x8, mask32x16,
+    Avx2, Avx512, Bytes, ExtractToken, Level as CpuLevel, Select, Simd, SimdBase, SimdFloat, SimdInt, SimdMask, Sse2,
+    f32x8, f32x16, i32x8, i32x16, mask32x8, mask32x16,
 };
 
 /// A truth value per lane.
@@ -241,7 +241,7 @@ pub struct Level(Which);
 
 #[derive(Clone, Copy, Debug)]
 enum Which {
-    Scalar(Fallback),
+    Scalar,
     #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
     Sse(Sse2),
     #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
@@ -261,10 +261,7 @@ impl Level {
     /// The levels that this CPU has, slowest first.
     pub fn available() -> Vec<Level> {
         #[allow(unused_mut)]
-        let mut all = vec![Level(Which::Scalar(match CpuLevel::fallback() {
-            CpuLevel::Fallback(f) => f,
-            _ => unreachable!("the fallback level is the fallback level"),
-        }))];
+        let mut all = vec![Level(Which::Scalar)];
         #[cfg(any(target_arch = "x86", target_arch = "x86_64", target_arch = "aarch64", target_arch = "wasm32"))]
         let cpu = CpuLevel::new();
         #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
@@ -293,7 +290,7 @@ impl Level {
     /// `scalar`, `sse`, `avx2`, `avx512`, `neon` or `simd128`.
     pub fn name(self) -> &'static str {
         match self.0 {
-            Which::Scalar(_) => "scalar",
+            Which::Scalar => "scalar",
             #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
             Which::Sse(_) => "sse",
             #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
@@ -311,7 +308,7 @@ impl Level {
     #[inline]
     pub fn run<K: Kernel>(self, kernel: K) -> K::Out {
         match self.0 {
-            Which::Scalar(t) => kernel.run(By8(t)),
+            Which::Scalar => kernel.run(One),
             #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
             Which::Sse(t) => t.vectorize(
                 #[inline(always)]

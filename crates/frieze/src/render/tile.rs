@@ -161,15 +161,20 @@ impl Kernel for Tile<'_, '_> {
             scratch.batches[k] = batch;
         }
         if layers {
-            compose(l, pass, view, &lights, &place, scratch, samples, (f32::MIN_POSITIVE, f32::MAX), &mut count);
+            l.enter(
+                #[inline(always)]
+                || compose(l, pass, view, &lights, &place, scratch, samples, &mut count),
+            );
         }
-        finish(l, pass, &place, scratch, kept, &mut out);
+        l.enter(
+            #[inline(always)]
+            || finish(l, pass, &place, scratch, kept, &mut out),
+        );
         count
     }
 }
 
 /// Sorts the visible samples of a tile by draw and look.
-#[inline(always)]
 fn collect(place: &Place<'_>, scratch: &mut Scratch, samples: usize) {
     scratch.used = 0;
     let positions = sample_positions(samples as u32);
@@ -290,7 +295,12 @@ fn shade_entries<L: Lane>(
         let lanes = Lanes { ids: &ids, px: l.load(&x), py: l.load(&y), active };
         let corners = Corners::new(l, &group, &lanes);
         let surface = corners.surface(l, &group, Some(lights), &lanes);
-        let color = shade::shade(l, group.look, lights, &surface, &mut Silent);
+        // Entered by itself: one function of both would take minutes to compile, and the surface that passes
+        // through memory is a few per cent of what shading touches.
+        let color = l.enter(
+            #[inline(always)]
+            || shade::shade(l, group.look, lights, &surface, &mut Silent),
+        );
         for (out, c) in shaded.iter_mut().zip(color.array()) {
             c.store(&mut out[from..]);
         }
@@ -311,7 +321,6 @@ fn shade_entries<L: Lane>(
 }
 
 /// Adds what was shaded to the pixels (or to their samples).
-#[inline(always)]
 fn spread(batch: &Batch, shaded: &[Vec<f32>; 4], color: &mut [[f32; 4]], samples: usize, kept: usize) {
     let share = 1.0 / samples as f32;
     for (k, e) in batch.entries.iter().enumerate() {
@@ -335,8 +344,64 @@ fn spread(batch: &Batch, shaded: &[Vec<f32>; 4], color: &mut [[f32; 4]], samples
     }
 }
 
-/// Composes layered fragments over what is solid, far to near; at equal depth the lower source lies on top.
-/// When there are too many at once, the far half of the depth range goes first.
+/// Layered fragments of a tile, ready to be shaded and composed.
+#[derive(Default)]
+struct Layers {
+    /// One per triangle and pixel.
+    entries: Vec<Entry>,
+    /// Place, bits of the depth, triangle, entry.
+    order: Vec<(u32, u32, u32, u32)>,
+}
+
+impl Layers {
+    fn new(fragments: &mut [Fragment], positions: &[[i32; 2]]) -> Self {
+        fragments.sort_unstable_by_key(|f| (f.at as usize % PIXELS, f.id, f.at));
+        let mut layers = Layers::default();
+        let mut k = 0;
+        while k < fragments.len() {
+            let (at, id) = (fragments[k].at as usize % PIXELS, fragments[k].id);
+            let mut mask = 0u32;
+            while k < fragments.len() && fragments[k].at as usize % PIXELS == at && fragments[k].id == id {
+                let f = &fragments[k];
+                mask |= 1 << (f.at as usize / PIXELS);
+                layers.order.push((f.at, f.depth.to_bits(), id, layers.entries.len() as u32));
+                k += 1;
+            }
+            let offset = center(mask, positions);
+            layers.entries.push(Entry { id, at: at as u16, samples: mask as u16, offset });
+        }
+        layers
+    }
+    /// By draw and look; where each entry of a batch came from.
+    fn batches(&self, place: &Place<'_>) -> Vec<(Batch, Vec<u32>)> {
+        let mut groups: std::collections::BTreeMap<(u32, u32), (Batch, Vec<u32>)> = Default::default();
+        for (k, e) in self.entries.iter().enumerate() {
+            let r = &place.bins.records[(e.id >> 7) as usize];
+            let (batch, members) = groups.entry((r.draw, r.look)).or_default();
+            batch.entries.push(*e);
+            members.push(k as u32);
+        }
+        groups.into_values().collect()
+    }
+    /// Far to near; at equal depth the lower source lies on top.
+    fn compose(mut self, place: &Place<'_>, colors: &[[f32; 4]], to: &mut [[f32; 4]]) {
+        self.order.sort_by(|a, b| {
+            (a.0, a.1).cmp(&(b.0, b.1)).then_with(|| place.comes_before(a.2, b.2).cmp(&place.comes_before(b.2, a.2)))
+        });
+        for (at, _, _, k) in self.order {
+            let c = colors[k as usize];
+            let a = c[3].clamp(0.0, 1.0);
+            let to = &mut to[at as usize];
+            for i in 0..3 {
+                to[i] = c[i] * a + to[i] * (1.0 - a);
+            }
+            to[3] = a + to[3] * (1.0 - a);
+        }
+    }
+}
+
+/// Composes layered fragments over what is solid. When there are too many at once, the far half of the depth
+/// range goes first.
 #[inline(always)]
 fn compose<L: Lane>(
     l: L,
@@ -346,71 +411,34 @@ fn compose<L: Lane>(
     place: &Place<'_>,
     scratch: &mut Scratch,
     samples: usize,
-    range: (f32, f32),
     count: &mut Count,
 ) {
-    // A stack instead of recursion: the nearest range at the bottom.
-    let mut ranges = vec![range];
+    let mut fragments = std::mem::take(&mut scratch.fragments);
+    // The nearest range at the bottom.
+    let mut ranges = vec![(f32::MIN_POSITIVE, f32::MAX)];
     while let Some((far, near)) = ranges.pop() {
-        let mut fragments = std::mem::take(&mut scratch.fragments);
         let (low, high) = (far.to_bits(), near.to_bits());
-        let whole = high - low <= 1;
-        let limit = if whole { usize::MAX } else { LAYERS };
+        let limit = if high - low <= 1 { usize::MAX } else { LAYERS };
         if !tile::layered(l, place, &scratch.depth, (far, near), limit, &mut fragments) {
             let middle = f32::from_bits(low + (high - low) / 2);
             ranges.push((middle, near));
             ranges.push((far, middle));
-            scratch.fragments = fragments;
             continue;
         }
-        // One entry per triangle and pixel.
-        fragments.sort_unstable_by_key(|f| (f.at as usize % PIXELS, f.id, f.at));
-        let positions = sample_positions(samples as u32);
-        let mut entries: Vec<Entry> = Vec::new();
-        let mut layers: Vec<(u32, u32, u32, u32)> = Vec::with_capacity(fragments.len());
-        let mut k = 0;
-        while k < fragments.len() {
-            let (at, id) = (fragments[k].at as usize % PIXELS, fragments[k].id);
-            let mut mask = 0u32;
-            while k < fragments.len() && fragments[k].at as usize % PIXELS == at && fragments[k].id == id {
-                let f = &fragments[k];
-                mask |= 1 << (f.at as usize / PIXELS);
-                layers.push((f.at, f.depth.to_bits(), id, entries.len() as u32));
-                k += 1;
-            }
-            entries.push(Entry { id, at: at as u16, samples: mask as u16, offset: center(mask, positions) });
-        }
-        count.shaded += entries.len() as u64;
-        let mut colors = vec![[0.0f32; 4]; entries.len()];
-        let mut groups: std::collections::BTreeMap<(u32, u32), Vec<u32>> = Default::default();
-        for (k, e) in entries.iter().enumerate() {
-            let r = &place.bins.records[(e.id >> 7) as usize];
-            groups.entry((r.draw, r.look)).or_default().push(k as u32);
-        }
-        for (key, members) in groups {
-            let batch =
-                Batch { key, entries: members.iter().map(|&k| entries[k as usize]).collect(), first: Vec::new() };
+        let layers = Layers::new(&mut fragments, sample_positions(samples as u32));
+        count.shaded += layers.entries.len() as u64;
+        let mut colors = vec![[0.0f32; 4]; layers.entries.len()];
+        for (batch, members) in layers.batches(place) {
             shade_batch(l, pass, view, lights, place, &batch, &mut scratch.shaded, None);
             for (k, &to) in members.iter().enumerate() {
-                colors[to as usize] = core::array::from_fn(|i| scratch.shaded[i][k]);
+                for (i, channel) in scratch.shaded.iter().enumerate() {
+                    colors[to as usize][i] = channel[k];
+                }
             }
         }
-        layers.sort_by(|a, b| {
-            (a.0, a.1).cmp(&(b.0, b.1)).then_with(|| {
-                if place.comes_before(b.2, a.2) { std::cmp::Ordering::Less } else { std::cmp::Ordering::Greater }
-            })
-        });
-        for (at, _, _, k) in layers {
-            let c = colors[k as usize];
-            let a = c[3].clamp(0.0, 1.0);
-            let to = &mut scratch.color[at as usize];
-            for i in 0..3 {
-                to[i] = c[i] * a + to[i] * (1.0 - a);
-            }
-            to[3] = a + to[3] * (1.0 - a);
-        }
-        scratch.fragments = fragments;
+        layers.compose(place, &colors, &mut scratch.color);
     }
+    scratch.fragments = fragments;
 }
 
 /// Averages samples, tone maps, encodes and writes the tile's pixels.
