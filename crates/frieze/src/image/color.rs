@@ -162,14 +162,21 @@ pub fn clamp<N: Num>(c: Vec3<N>) -> Vec3<N> {
 /// `c / (1 + c)` per channel (Reinhard et al. 2002, equation 3). Linear light to linear display light.
 #[inline(always)]
 pub fn reinhard<N: Num>(c: Vec3<N>) -> Vec3<N> {
-    tame(c).map(|v| v / (v + 1.0))
+    tame(c).map(
+        #[inline(always)]
+        |v| v / (v + 1.0),
+    )
 }
 
 /// Rows of a matrix times a colour.
 #[inline(always)]
 fn rows<N: Num>(m: &[[f32; 3]; 3], c: Vec3<N>) -> Vec3<N> {
-    let row = |r: [f32; 3]| c.x * r[0] + c.y * r[1] + c.z * r[2];
-    Vec3::new(row(m[0]), row(m[1]), row(m[2]))
+    Vec3::new(row(&m[0], c), row(&m[1], c), row(&m[2], c))
+}
+
+#[inline(always)]
+fn row<N: Num>(r: &[f32; 3], c: Vec3<N>) -> N {
+    c.x * r[0] + c.y * r[1] + c.z * r[2]
 }
 
 /// S. Hill's fit of the ACES reference rendering and sRGB output transforms (BakingLab, `ACES.hlsl`), without
@@ -180,8 +187,10 @@ pub fn aces<N: Num>(c: Vec3<N>) -> Vec3<N> {
     let input = [[0.59719, 0.35458, 0.04823], [0.07600, 0.90834, 0.01566], [0.02840, 0.13383, 0.83777]];
     // ODT_SAT -> XYZ -> D60_2_D65 -> sRGB
     let output = [[1.60475, -0.53108, -0.07367], [-0.10208, 1.10813, -0.00605], [-0.00327, -0.07276, 1.07602]];
-    let fitted = rows(&input, tame(c))
-        .map(|v| (v * (v + 0.024_578_6) - 0.000_090_537) / (v * (v * 0.983_729 + 0.432_951) + 0.238_081));
+    let fitted = rows(&input, tame(c)).map(
+        #[inline(always)]
+        |v| (v * (v + 0.024_578_6) - 0.000_090_537) / (v * (v * 0.983_729 + 0.432_951) + 0.238_081),
+    );
     clamp(rows(&output, fitted))
 }
 
@@ -199,17 +208,25 @@ pub fn agx<N: Num>(c: Vec3<N>) -> Vec3<N> {
         [-0.052_896_85, 1.151_903_1, -0.098_961_18],
         [-0.052_971_635, -0.098_043_45, 1.151_073_7],
     ];
-    let (low, high) = (-12.473_93, 4.026_069);
-    let curve = |v: N| {
-        // The clamp of the logarithm, done before it: 2^low and 2^high.
-        let x = (exact::log2(v.clamp(1.0e-4, 20.0)).clamp(low, high) - low) / (high - low);
-        let x2 = x * x;
-        let x4 = x2 * x2;
-        x4 * x2 * 15.5 - x4 * x * 40.14 + x4 * 31.96 - x2 * x * 6.868 + x2 * 0.4298 + x * 0.1191 - 0.00232
-    };
-    let shaped = rows(&inset, tame(c)).map(curve);
+    let shaped = rows(&inset, tame(c)).map(
+        #[inline(always)]
+        |v| agx_curve(v),
+    );
     // v^2.2 = v^2 * v^(1/5)
-    clamp(rows(&outset, shaped)).map(|v| v * v * fifth_root(v))
+    clamp(rows(&outset, shaped)).map(
+        #[inline(always)]
+        |v| v * v * fifth_root(v),
+    )
+}
+
+#[inline(always)]
+fn agx_curve<N: Num>(v: N) -> N {
+    let (low, high) = (-12.473_93, 4.026_069);
+    // The clamp of the logarithm, done before it: 2^low and 2^high.
+    let x = (exact::log2(v.clamp(1.0e-4, 20.0)).clamp(low, high) - low) / (high - low);
+    let x2 = x * x;
+    let x4 = x2 * x2;
+    x4 * x2 * 15.5 - x4 * x * 40.14 + x4 * 31.96 - x2 * x * 6.868 + x2 * 0.4298 + x * 0.1191 - 0.00232
 }
 
 /// Khronos PBR Neutral (Khronos ToneMapping repository, 2024): exact below 0.76 but for the Fresnel offset,

@@ -67,7 +67,8 @@ impl ShadowMap {
         let bias = match &self.offset {
             Offset::Constant(b) => l.f(*b),
             Offset::Slope { axes, texel } => {
-                let n = axes.map(|a| normal.dot(a.lift(l.f(1.0))));
+                let one = l.f(1.0);
+                let n = [normal.dot(axes[0].lift(one)), normal.dot(axes[1].lift(one)), normal.dot(axes[2].lift(one))];
                 // The plane's slope along both axes, over the farthest tap and the half texel that nearest
                 // lookups are off; a grazing plane is dark anyway.
                 let slope = (n[0].abs() + n[1].abs()) / n[2].max(l.f(0.05));
@@ -84,18 +85,20 @@ impl ShadowMap {
         let (stride, margin) = (Self::stride(self.size, self.radius) as i32, Self::margin(self.radius) as i32);
         let depth = depth.max(l.f(0.0));
         let (low, high) = (-(self.radius as f32) - 1.0, (self.size + self.radius) as f32);
-        let texel = |v: L::F| v.floor().clamp(low, high).to_int();
-        let (x, y) = (texel(p.x), texel(p.y));
+        let (x, y) = (p.x.floor().clamp(low, high).to_int(), p.y.floor().clamp(low, high).to_int());
         let r = self.radius as i32;
         let first = (y + (margin - r)) * stride + x + (margin - r);
         let mut lit = l.f(0.0);
         let (one, none) = (l.f(1.0), l.f(0.0));
         if self.radius == 1 {
             for row in 0..3 {
-                let taps = l.transpose_from(|k| {
-                    let at = first.lane(k) as usize + row * stride as usize;
-                    &self.texels[at..at + 8]
-                });
+                let taps = l.transpose_from(
+                    #[inline(always)]
+                    |k| {
+                        let at = first.lane(k) as usize + row * stride as usize;
+                        &self.texels[at..at + 8]
+                    },
+                );
                 for tap in &taps[..3] {
                     lit = lit + one.or_else(depth.ge(*tap), none);
                 }

@@ -207,17 +207,26 @@ pub trait Lane: Copy + Send + Sync + Debug + 'static {
     /// 0, 1, 2, ...
     #[inline(always)]
     fn ramp(self) -> Self::I {
-        self.i_from(|k| k as i32)
+        self.i_from(
+            #[inline(always)]
+            |k| k as i32,
+        )
     }
     /// `table[index[k]]` in lane `k`. Lanes outside the table panic.
     #[inline(always)]
     fn gather(self, table: &[f32], index: Self::I) -> Self::F {
-        self.f_from(|k| table[index.lane(k) as usize])
+        self.f_from(
+            #[inline(always)]
+            |k| table[index.lane(k) as usize],
+        )
     }
     /// `table[index[k]]` in lane `k`. Lanes outside the table panic.
     #[inline(always)]
     fn gather_i(self, table: &[i32], index: Self::I) -> Self::I {
-        self.i_from(|k| table[index.lane(k) as usize])
+        self.i_from(
+            #[inline(always)]
+            |k| table[index.lane(k) as usize],
+        )
     }
     /// Turns `WIDTH` rows of 8 numbers into 8 numbers of `WIDTH` lanes: `out[c]` lane `k` = `rows[k][c]`.
     fn transpose8(self, rows: &[[f32; 8]]) -> [Self::F; 8];
@@ -225,6 +234,13 @@ pub trait Lane: Copy + Send + Sync + Debug + 'static {
     fn transpose_from<'a>(self, row: impl FnMut(usize) -> &'a [f32]) -> [Self::F; 8];
     /// Runs `f` compiled for this level, without forcing it to be inlined into the caller.
     fn enter<R>(self, f: impl FnOnce() -> R) -> R;
+}
+
+/// `[f(0), f(1), f(2)]`. Unlike [`core::array::from_fn`] it is always inlined; pass closures with
+/// `#[inline(always)]`, or their lane operations become calls.
+#[inline(always)]
+pub fn three<T>(f: impl Fn(usize) -> T) -> [T; 3] {
+    [f(0), f(1), f(2)]
 }
 
 /// Something to run at a [`Level`]. `run` must be `#[inline(always)]`.
@@ -749,7 +765,10 @@ macro_rules! wide {
             }
             #[inline(always)]
             fn transpose8(self, rows: &[[f32; 8]]) -> [$F<S>; 8] {
-                self.transpose_from(|k| &rows[k])
+                self.transpose_from(
+                    #[inline(always)]
+                    |k| &rows[k],
+                )
             }
             #[inline(always)]
             fn transpose_from<'a>(self, mut row: impl FnMut(usize) -> &'a [f32]) -> [$F<S>; 8] {
@@ -778,38 +797,58 @@ macro_rules! wide {
         }
     )*};
     (@transpose 8 $self:ident $row:ident $F:ident) => {{
-        let mut r = |k: usize| f32x8::from_slice($self.0, &$row(k)[..8]);
-        transpose8x8([r(0), r(1), r(2), r(3), r(4), r(5), r(6), r(7)]).map($F)
+        let s = $self.0;
+        let t = transpose8x8([
+            row8(s, $row(0)), row8(s, $row(1)), row8(s, $row(2)), row8(s, $row(3)),
+            row8(s, $row(4)), row8(s, $row(5)), row8(s, $row(6)), row8(s, $row(7)),
+        ]);
+        [$F(t[0]), $F(t[1]), $F(t[2]), $F(t[3]), $F(t[4]), $F(t[5]), $F(t[6]), $F(t[7])]
     }};
     (@transpose 16 $self:ident $row:ident $F:ident) => {{
-        let mut r = |k: usize| f32x8::from_slice($self.0, &$row(k)[..8]);
-        let lo = transpose8x8([r(0), r(1), r(2), r(3), r(4), r(5), r(6), r(7)]);
-        let hi = transpose8x8([r(8), r(9), r(10), r(11), r(12), r(13), r(14), r(15)]);
-        core::array::from_fn(|c| $F(lo[c].token().combine_f32x8(lo[c], hi[c])))
+        let s = $self.0;
+        let t = transpose8x8([
+            row8(s, $row(0)), row8(s, $row(1)), row8(s, $row(2)), row8(s, $row(3)),
+            row8(s, $row(4)), row8(s, $row(5)), row8(s, $row(6)), row8(s, $row(7)),
+        ]);
+        let u = transpose8x8([
+            row8(s, $row(8)), row8(s, $row(9)), row8(s, $row(10)), row8(s, $row(11)),
+            row8(s, $row(12)), row8(s, $row(13)), row8(s, $row(14)), row8(s, $row(15)),
+        ]);
+        [
+            $F(s.combine_f32x8(t[0], u[0])), $F(s.combine_f32x8(t[1], u[1])),
+            $F(s.combine_f32x8(t[2], u[2])), $F(s.combine_f32x8(t[3], u[3])),
+            $F(s.combine_f32x8(t[4], u[4])), $F(s.combine_f32x8(t[5], u[5])),
+            $F(s.combine_f32x8(t[6], u[6])), $F(s.combine_f32x8(t[7], u[7])),
+        ]
     }};
 }
 wide!(By8, F8, I8, M8, f32x8, i32x8, mask32x8, 8);
 wide!(By16, F16, I16, M16, f32x16, i32x16, mask32x16, 16);
 
+#[inline(always)]
+fn row8<S: Simd>(s: S, row: &[f32]) -> f32x8<S> {
+    f32x8::from_slice(s, &row[..8])
+}
+
 /// Three rounds of riffling rows that lie four apart.
 #[inline(always)]
 fn transpose8x8<S: Simd>(r: [f32x8<S>; 8]) -> [f32x8<S>; 8] {
-    let round = |r: [f32x8<S>; 8]| {
-        let s = r[0].token();
-        let lo = |a, b| s.zip_low_f32x8(a, b);
-        let hi = |a, b| s.zip_high_f32x8(a, b);
-        [
-            lo(r[0], r[4]),
-            hi(r[0], r[4]),
-            lo(r[1], r[5]),
-            hi(r[1], r[5]),
-            lo(r[2], r[6]),
-            hi(r[2], r[6]),
-            lo(r[3], r[7]),
-            hi(r[3], r[7]),
-        ]
-    };
-    round(round(round(r)))
+    riffle(riffle(riffle(r)))
+}
+
+#[inline(always)]
+fn riffle<S: Simd>(r: [f32x8<S>; 8]) -> [f32x8<S>; 8] {
+    let s = r[0].token();
+    [
+        s.zip_low_f32x8(r[0], r[4]),
+        s.zip_high_f32x8(r[0], r[4]),
+        s.zip_low_f32x8(r[1], r[5]),
+        s.zip_high_f32x8(r[1], r[5]),
+        s.zip_low_f32x8(r[2], r[6]),
+        s.zip_high_f32x8(r[2], r[6]),
+        s.zip_low_f32x8(r[3], r[7]),
+        s.zip_high_f32x8(r[3], r[7]),
+    ]
 }
 
 #[cfg(test)]

@@ -102,21 +102,21 @@ const SIDE: usize = 16;
 #[inline(always)]
 pub fn albedo<L: Lane>(l: L, n_v: L::F, roughness: L::F) -> (L::F, L::F) {
     let last = (SIDE - 1) as f32;
-    let at = |t: L::F| {
-        let x = t.saturate() * last;
-        let k = x.floor().min(l.f(last - 1.0));
-        (k.to_int(), x - k)
-    };
-    let (x, tx) = at(n_v.max(l.f(0.0)).sqrt());
-    let (y, ty) = at(roughness);
-    let k = y * SIDE as i32 + x;
-    let read = |table: &[f32; SIDE * SIDE]| {
-        let g = |k: L::I| l.gather(table, k);
-        let side = SIDE as i32;
-        ty.mix(tx.mix(g(k), g(k + 1)), tx.mix(g(k + side), g(k + (side + 1))))
-    };
-    let (whole, grazing) = (read(&ALBEDO), read(&GRAZING));
+    let x = n_v.max(l.f(0.0)).sqrt().saturate() * last;
+    let y = roughness.saturate() * last;
+    let (kx, ky) = (x.floor().min(l.f(last - 1.0)), y.floor().min(l.f(last - 1.0)));
+    let (tx, ty) = (x - kx, y - ky);
+    let k = ky.to_int() * SIDE as i32 + kx.to_int();
+    let (whole, grazing) = (bilinear(l, &ALBEDO, k, tx, ty), bilinear(l, &GRAZING, k, tx, ty));
     (whole - grazing, grazing)
+}
+
+#[inline(always)]
+fn bilinear<L: Lane>(l: L, table: &[f32; SIDE * SIDE], k: L::I, tx: L::F, ty: L::F) -> L::F {
+    let side = SIDE as i32;
+    let above = tx.mix(l.gather(table, k), l.gather(table, k + 1));
+    let below = tx.mix(l.gather(table, k + side), l.gather(table, k + (side + 1)));
+    ty.mix(above, below)
 }
 
 /// `a + b` of [`albedo`]: rows of roughness 0 ..= 1, columns of √(n.v) 0 ..= 1. The test beside integrates it anew.

@@ -40,13 +40,13 @@ macro_rules! vector {
         impl<N: Num> $V<N> {
             /// `m ? self : o`, lane by lane.
             #[inline(always)]
-            pub fn or_else(self, m: N::Mask, o: Self) -> Self { self.zip(o, |a, b| a.or_else(m, b)) }
+            pub fn or_else(self, m: N::Mask, o: Self) -> Self { $V { $($f: self.$f.or_else(m, o.$f)),* } }
             /// The smaller of each pair of components.
             #[inline(always)]
-            pub fn min(self, o: Self) -> Self { self.zip(o, N::min) }
+            pub fn min(self, o: Self) -> Self { $V { $($f: self.$f.min(o.$f)),* } }
             /// The larger of each pair of components.
             #[inline(always)]
-            pub fn max(self, o: Self) -> Self { self.zip(o, N::max) }
+            pub fn max(self, o: Self) -> Self { $V { $($f: self.$f.max(o.$f)),* } }
             /// Squared length.
             #[inline(always)]
             pub fn length2(self) -> N { self.dot(self) }
@@ -68,7 +68,7 @@ macro_rules! vector {
         impl $V<f32> {
             /// All components in all lanes of the width of `like`.
             #[inline(always)]
-            pub fn lift<N: Num>(self, like: N) -> $V<N> { self.map(|v| like.lift(v)) }
+            pub fn lift<N: Num>(self, like: N) -> $V<N> { $V { $($f: like.lift(self.$f)),* } }
             /// Whether no component is NaN or infinite.
             pub fn is_finite(self) -> bool { true $(&& self.$f.is_finite())* }
         }
@@ -245,28 +245,38 @@ impl Mat4 {
     /// A homogeneous point.
     #[inline(always)]
     pub fn apply<N: Num>(&self, p: Vec4<N>) -> Vec4<N> {
-        let m = &self.0;
-        let row = |r: usize| p.x * m[0][r] + p.y * m[1][r] + p.z * m[2][r] + p.w * m[3][r];
-        Vec4::new(row(0), row(1), row(2), row(3))
+        Vec4::new(self.row4(0, p), self.row4(1, p), self.row4(2, p), self.row4(3, p))
     }
     /// A point (w = 1), with its homogeneous coordinate.
     #[inline(always)]
     pub fn project<N: Num>(&self, p: Vec3<N>) -> Vec4<N> {
-        let m = &self.0;
-        let row = |r: usize| p.x * m[0][r] + p.y * m[1][r] + p.z * m[2][r] + m[3][r];
-        Vec4::new(row(0), row(1), row(2), row(3))
+        Vec4::new(self.row_point(0, p), self.row_point(1, p), self.row_point(2, p), self.row_point(3, p))
     }
     /// A point under an affine matrix.
     #[inline(always)]
     pub fn point<N: Num>(&self, p: Vec3<N>) -> Vec3<N> {
-        self.project(p).xyz()
+        Vec3::new(self.row_point(0, p), self.row_point(1, p), self.row_point(2, p))
     }
     /// A direction (w = 0).
     #[inline(always)]
     pub fn direction<N: Num>(&self, d: Vec3<N>) -> Vec3<N> {
+        Vec3::new(self.row3(0, d), self.row3(1, d), self.row3(2, d))
+    }
+    // Functions, not closures: closures are not always inlined, and a lane operation that is not becomes a call.
+    #[inline(always)]
+    fn row4<N: Num>(&self, r: usize, p: Vec4<N>) -> N {
         let m = &self.0;
-        let row = |r: usize| d.x * m[0][r] + d.y * m[1][r] + d.z * m[2][r];
-        Vec3::new(row(0), row(1), row(2))
+        p.x * m[0][r] + p.y * m[1][r] + p.z * m[2][r] + p.w * m[3][r]
+    }
+    #[inline(always)]
+    fn row_point<N: Num>(&self, r: usize, p: Vec3<N>) -> N {
+        let m = &self.0;
+        p.x * m[0][r] + p.y * m[1][r] + p.z * m[2][r] + m[3][r]
+    }
+    #[inline(always)]
+    fn row3<N: Num>(&self, r: usize, d: Vec3<N>) -> N {
+        let m = &self.0;
+        d.x * m[0][r] + d.y * m[1][r] + d.z * m[2][r]
     }
     /// The transpose.
     pub fn transpose(&self) -> Mat4 {

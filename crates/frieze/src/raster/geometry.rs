@@ -2,7 +2,7 @@
 
 use super::clip::{self, Clip};
 use super::{GUARD, TILE, Target, sample_positions};
-use crate::math::lane::{Int, Kernel, Lane, Mask, Num};
+use crate::math::lane::{Int, Kernel, Lane, Mask, Num, three};
 use crate::math::vec::{Mat4, Vec3};
 use crate::mesh::meshlet::{Meshlets, TRIANGLES, VERTICES};
 
@@ -317,9 +317,14 @@ fn bin<L: Lane>(
     // Pixels of all triangles that are kept.
     let (mut min, mut max) = ([l.i(i32::MAX); 2], [l.i(i32::MIN); 2]);
     for t in (0..count).step_by(L::WIDTH) {
-        let pick = |lane: usize, c: usize| (triangles[(t + lane).min(count - 1)][c] & 63) as usize;
-        let x: [L::I; 3] = core::array::from_fn(|c| l.i_from(|k| scratch.x[pick(k, c)]));
-        let y: [L::I; 3] = core::array::from_fn(|c| l.i_from(|k| scratch.y[pick(k, c)]));
+        let x = three(
+            #[inline(always)]
+            |c| corner(l, triangles, t, c, &scratch.x),
+        );
+        let y = three(
+            #[inline(always)]
+            |c| corner(l, triangles, t, c, &scratch.y),
+        );
         let (dx1, dy1) = ((x[1] - x[0]).to_num(), (y[1] - y[0]).to_num());
         let (dx2, dy2) = ((x[2] - x[0]).to_num(), (y[2] - y[0]).to_num());
         // Differences are below 2^24, so exact; each product is rounded once. What is not certainly zero or
@@ -347,10 +352,8 @@ fn bin<L: Lane>(
         }
         keep |= u128::from(bits) << t;
         let ok = l.mask(bits);
-        for (axis, (a, b)) in [(x0, x1), (y0, y1)].into_iter().enumerate() {
-            min[axis] = min[axis].min(a.or_else(ok, min[axis]));
-            max[axis] = max[axis].max(b.or_else(ok, max[axis]));
-        }
+        min = [min[0].min(x0.or_else(ok, min[0])), min[1].min(y0.or_else(ok, min[1]))];
+        max = [max[0].max(x1.or_else(ok, max[0])), max[1].max(y1.or_else(ok, max[1]))];
         x0.store(&mut boxes[0][t..]);
         y0.store(&mut boxes[1][t..]);
         x1.store(&mut boxes[2][t..]);
@@ -395,6 +398,16 @@ fn bin<L: Lane>(
         }
     }
     true
+}
+
+/// Coordinate of corner `c` of the triangles from `t` on; lanes beyond the last repeat it.
+#[inline(always)]
+fn corner<L: Lane>(l: L, triangles: &[[u8; 4]], t: usize, c: usize, from: &[i32; VERTICES]) -> L::I {
+    let last = triangles.len() - 1;
+    l.i_from(
+        #[inline(always)]
+        |k| from[(triangles[(t + k).min(last)][c] & 63) as usize],
+    )
 }
 
 /// Vertices of a cluster that needs clipping, not divided by w.

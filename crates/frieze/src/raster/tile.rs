@@ -3,7 +3,7 @@
 use super::bin::{Bins, Entry};
 use super::geometry::{Class, Draw, snap1};
 use super::{TILE, Target, sample_positions};
-use crate::math::lane::{Int, Lane, Mask, Num};
+use crate::math::lane::{Int, Lane, Mask, Num, three};
 
 /// Pixels of a tile.
 pub const PIXELS: usize = (TILE * TILE) as usize;
@@ -70,15 +70,18 @@ struct Setup {
 impl Setup {
     #[inline(always)]
     fn new(corners: [[f32; 3]; 3], origin: (i32, i32), size: (i32, i32), range: (i32, i32)) -> Option<Setup> {
-        let x = corners.map(|c| snap1(c[0]));
-        let y = corners.map(|c| snap1(c[1]));
+        let x = [snap1(corners[0][0]), snap1(corners[1][0]), snap1(corners[2][0])];
+        let y = [snap1(corners[0][1]), snap1(corners[1][1]), snap1(corners[2][1])];
         let doubled = i64::from(x[1] - x[0]) * i64::from(y[2] - y[0]) - i64::from(x[2] - x[0]) * i64::from(y[1] - y[0]);
         if doubled == 0 {
             return None;
         }
-        let low = |v: [i32; 3], o: i32| (((v[0].min(v[1]).min(v[2]) - range.1 + 255) >> 8) - o).max(0);
-        let high = |v: [i32; 3], o: i32, n: i32| (((v[0].max(v[1]).max(v[2]) - range.0) >> 8) - o).min(n - 1);
-        let area = [low(x, origin.0), low(y, origin.1), high(x, origin.0, size.0), high(y, origin.1, size.1)];
+        let area = [
+            (((x[0].min(x[1]).min(x[2]) - range.1 + 255) >> 8) - origin.0).max(0),
+            (((y[0].min(y[1]).min(y[2]) - range.1 + 255) >> 8) - origin.1).max(0),
+            (((x[0].max(x[1]).max(x[2]) - range.0) >> 8) - origin.0).min(size.0 - 1),
+            (((y[0].max(y[1]).max(y[2]) - range.0) >> 8) - origin.1).min(size.1 - 1),
+        ];
         if area[0] > area[2] || area[1] > area[3] {
             return None;
         }
@@ -98,7 +101,6 @@ impl Setup {
         let (dx1, dy1, dz1) = (q[0] - p[0], q[1] - p[1], q[2] - p[2]);
         let (dx2, dy2, dz2) = (r[0] - p[0], r[1] - p[1], r[2] - p[2]);
         let inverse = 1.0 / (dx1 * dy2 - dx2 * dy1);
-        let finite = |v: f32| if v.is_finite() { v } else { 0.0 };
         Some(Setup {
             a,
             b,
@@ -109,6 +111,11 @@ impl Setup {
             range: [p[2].min(q[2]).min(r[2]), p[2].max(q[2]).max(r[2])],
         })
     }
+}
+
+#[inline(always)]
+fn finite(v: f32) -> f32 {
+    if v.is_finite() { v } else { 0.0 }
 }
 
 /// Calls `each(sample, first pixel, mask, depth, px, py)` for every run of covered samples of a triangle, in
@@ -122,21 +129,27 @@ fn scan<L: Lane>(
     mut each: impl FnMut(usize, usize, L::M, L::F, L::F, f32),
 ) {
     let ramp = l.ramp();
-    let rise: [L::I; 3] = core::array::from_fn(|k| ramp * s.a[k]);
+    let rise: [L::I; 3] = [ramp * s.a[0], ramp * s.a[1], ramp * s.a[2]];
     let [x0, y0, x1, y1] = s.area;
     let first = x0 & !(L::WIDTH as i32 - 1);
     for (number, offset) in samples.iter().enumerate() {
         // At pixel centres the low 8 bits of an edge value never change, so they may go: values of a tile
         // then fit 32 bits. What is out of reach for the whole tile is clamped.
-        let corner: [i32; 3] = core::array::from_fn(|k| {
-            let c = s.c[k] + i64::from(s.a[k]) * i64::from(offset[0]) + i64::from(s.b[k]) * i64::from(offset[1]);
-            (c >> 8).clamp(-(1 << 30), 1 << 30) as i32
-        });
+        let corner: [i32; 3] = three(
+            #[inline(always)]
+            |k| {
+                let c = s.c[k] + i64::from(s.a[k]) * i64::from(offset[0]) + i64::from(s.b[k]) * i64::from(offset[1]);
+                (c >> 8).clamp(-(1 << 30), 1 << 30) as i32
+            },
+        );
         let (fx, fy) = (offset[0] as f32 / 256.0, offset[1] as f32 / 256.0);
         for y in y0..=y1 {
             let py = (origin.1 + y) as f32 + fy;
             let row = s.origin[2] + s.slope[1] * (py - s.origin[1]);
-            let mut e: [i32; 3] = core::array::from_fn(|k| corner[k] + s.b[k] * y + s.a[k] * first);
+            let mut e: [i32; 3] = three(
+                #[inline(always)]
+                |k| corner[k] + s.b[k] * y + s.a[k] * first,
+            );
             let mut x = first;
             while x <= x1 {
                 let inside = (rise[0] + e[0]) | (rise[1] + e[1]) | (rise[2] + e[2]);
@@ -186,10 +199,13 @@ fn triangles(place: &Place<'_>, wanted: impl Fn(Class) -> bool, mut each: impl F
                 Some(piece) => piece.corners,
                 None => {
                     let ids = triangles[t as usize];
-                    [0, 1, 2].map(|k| {
-                        let v = vertices[usize::from(ids[k])];
-                        [v[0], v[1], v[2]]
-                    })
+                    three(
+                        #[inline(always)]
+                        |k| {
+                            let v = vertices[usize::from(ids[k])];
+                            [v[0], v[1], v[2]]
+                        },
+                    )
                 }
             };
             if let Some(setup) = Setup::new(corners, origin, size, range) {
@@ -218,32 +234,40 @@ pub fn solid<L: Lane, C: Cut<L>, const IDS: bool>(
     triangles(
         place,
         |class| matches!(class, Class::Solid | Class::Cut),
+        #[inline(always)]
         |setup, new, class| {
-            scan(l, setup, origin, samples, |sample, first, mask, z, px, py| {
-                let at = sample * PIXELS + first;
-                let depths = &mut depth[at..at + L::WIDTH];
-                let old = l.load(depths);
-                let mut pass = mask & z.gt(old);
-                if class == Class::Cut {
-                    let see = mask & (z.gt(old) | z.eq(old));
-                    if !see.any() {
-                        return;
+            scan(
+                l,
+                setup,
+                origin,
+                samples,
+                #[inline(always)]
+                |sample, first, mask, z, px, py| {
+                    let at = sample * PIXELS + first;
+                    let depths = &mut depth[at..at + L::WIDTH];
+                    let old = l.load(depths);
+                    let mut pass = mask & z.gt(old);
+                    if class == Class::Cut {
+                        let see = mask & (z.gt(old) | z.eq(old));
+                        if !see.any() {
+                            return;
+                        }
+                        let kept = cut.keep(l, new, px, l.f(py), see);
+                        pass = pass & kept;
+                        if IDS {
+                            ties(l, place, new, kept & z.eq(old) & z.gt(l.f(0.0)), &mut id[at..at + L::WIDTH]);
+                        }
+                    } else if IDS {
+                        ties(l, place, new, mask & z.eq(old) & z.gt(l.f(0.0)), &mut id[at..at + L::WIDTH]);
                     }
-                    let kept = cut.keep(l, new, px, l.f(py), see);
-                    pass = pass & kept;
-                    if IDS {
-                        ties(l, place, new, kept & z.eq(old) & z.gt(l.f(0.0)), &mut id[at..at + L::WIDTH]);
+                    if pass.any() {
+                        z.or_else(pass, old).store(depths);
+                        if IDS {
+                            store_ids(l, pass, new, &mut id[at..at + L::WIDTH]);
+                        }
                     }
-                } else if IDS {
-                    ties(l, place, new, mask & z.eq(old) & z.gt(l.f(0.0)), &mut id[at..at + L::WIDTH]);
-                }
-                if pass.any() {
-                    z.or_else(pass, old).store(depths);
-                    if IDS {
-                        store_ids(l, pass, new, &mut id[at..at + L::WIDTH]);
-                    }
-                }
-            });
+                },
+            );
         },
     );
 }
@@ -296,22 +320,30 @@ pub fn layered<L: Lane>(
     triangles(
         place,
         |class| class == Class::Layered,
+        #[inline(always)]
         |setup, id, _| {
             if out.len() > limit {
                 return;
             }
-            scan(l, setup, origin, samples, |sample, first, mask, z, _, _| {
-                let at = sample * PIXELS + first;
-                let old = l.load(&solid[at..at + L::WIDTH]);
-                // At equal depth the layer lies on the solid surface: it is seen.
-                let see = mask & z.ge(old) & z.gt(l.f(0.0)) & z.ge(l.f(range.0)) & z.lt(l.f(range.1));
-                let mut bits = see.bits();
-                while bits != 0 {
-                    let k = bits.trailing_zeros();
-                    bits &= bits - 1;
-                    out.push(Fragment { at: at as u32 + k, id, depth: z.lane(k as usize) });
-                }
-            });
+            scan(
+                l,
+                setup,
+                origin,
+                samples,
+                #[inline(always)]
+                |sample, first, mask, z, _, _| {
+                    let at = sample * PIXELS + first;
+                    let old = l.load(&solid[at..at + L::WIDTH]);
+                    // At equal depth the layer lies on the solid surface: it is seen.
+                    let see = mask & z.ge(old) & z.gt(l.f(0.0)) & z.ge(l.f(range.0)) & z.lt(l.f(range.1));
+                    let mut bits = see.bits();
+                    while bits != 0 {
+                        let k = bits.trailing_zeros();
+                        bits &= bits - 1;
+                        out.push(Fragment { at: at as u32 + k, id, depth: z.lane(k as usize) });
+                    }
+                },
+            );
         },
     );
     out.len() <= limit

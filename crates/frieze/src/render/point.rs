@@ -1,8 +1,9 @@
 //! From a pixel and a triangle to the interpolated point that is shaded.
 
 use crate::map::Footprint;
-use crate::math::lane::{Lane, Num};
-use crate::math::vec::{Vec2, Vec3, Vec4};
+use crate::math::lane::{Lane, Num, three};
+use crate::math::vec::{Mat4, Vec2, Vec3, Vec4};
+use crate::mesh::meshlet::Meshlets;
 use crate::prepare::{Instance, View};
 use crate::raster::Bins;
 use crate::raster::geometry::{Draw, Record};
@@ -40,11 +41,51 @@ pub(super) struct Corners<L: Lane> {
     pub depth: L::F,
     /// Whether the front is seen.
     pub front: L::M,
-    /// Indices of the corners' vertices in the cooked mesh, lane by lane.
-    vertices: [[u32; 16]; 3],
-    /// The same for positions.
-    positions: [[u32; 16]; 3],
-    mirrored: [u32; 3],
+    /// The distinct triangles, and which of them each lane has.
+    triangles: [Triangle; 16],
+    which: [u8; 16],
+    /// All lanes have the same triangle.
+    single: bool,
+    /// -1 where the bitangent is mirrored.
+    sign: L::F,
+}
+
+/// What is fetched once per triangle, in rows that lanes are transposed from.
+#[derive(Clone, Copy)]
+struct Triangle {
+    /// x, y, w of the corners (the last w is in `more`), homogeneous picture coordinates.
+    corners: [f32; 8],
+    /// Last w, depths of the corners times w, tangent sign.
+    more: [f32; 8],
+    /// The corners' vertices in the cooked mesh.
+    vertices: [u32; 3],
+    /// Their positions.
+    positions: [u32; 3],
+}
+
+impl Triangle {
+    const NONE: Triangle = Triangle { corners: [0.0; 8], more: [0.0; 8], vertices: [0; 3], positions: [0; 3] };
+
+    #[inline(always)]
+    fn new(g: &Group<'_>, id: u32) -> Self {
+        let r: &Record = &g.bins.records[(id >> 7) as usize];
+        let m = &g.draw.mesh.meshlets[r.meshlet as usize];
+        let t = g.draw.mesh.triangles[m.triangles as usize + (id & 127) as usize];
+        let part = &g.bins.parts[r.part as usize].vertices;
+        let (a, b, c) = (u32::from(t[0]), u32::from(t[1]), u32::from(t[2]));
+        let corner = |local: u32| {
+            let v = part[(r.vertices + local) as usize];
+            if r.homogeneous { v } else { [v[0] * v[3], v[1] * v[3], v[2] * v[3], v[3]] }
+        };
+        let (p, q, s) = (corner(a), corner(b), corner(c));
+        let sign = if m.mirrored >> a & 1 == 1 { -1.0 } else { 1.0 };
+        Triangle {
+            corners: [p[0], p[1], p[3], q[0], q[1], q[3], s[0], s[1]],
+            more: [s[3], p[2], q[2], s[2], sign, 0.0, 0.0, 0.0],
+            vertices: [m.vertices + a, m.vertices + b, m.vertices + c],
+            positions: [m.positions + a, m.positions + b, m.positions + c],
+        }
+    }
 }
 
 impl<L: Lane> Corners<L> {
@@ -52,44 +93,58 @@ impl<L: Lane> Corners<L> {
     /// that are clipped, too, and free of the snapping of coverage.
     #[inline(always)]
     pub fn new(l: L, g: &Group<'_>, lanes: &Lanes<'_, L>) -> Self {
-        let mut vertices = [[0u32; 16]; 3];
-        let mut positions = [[0u32; 16]; 3];
-        let mut mirrored = [0u32; 3];
-        let mut h = [[0.0f32; 16]; 12];
-        let mesh = g.draw.mesh;
-        for (k, &id) in lanes.ids.iter().enumerate().take(L::WIDTH) {
-            let r: &Record = &g.bins.records[(id >> 7) as usize];
-            let m = &mesh.meshlets[r.meshlet as usize];
-            let t = mesh.triangles[m.triangles as usize + (id & 127) as usize];
-            let part = &g.bins.parts[r.part as usize].vertices;
-            for c in 0..3 {
-                let local = u32::from(t[c]);
-                let v = part[(r.vertices + local) as usize];
-                let (x, y, z) =
-                    if r.homogeneous { (v[0], v[1], v[2]) } else { (v[0] * v[3], v[1] * v[3], v[2] * v[3]) };
-                h[c][k] = x;
-                h[3 + c][k] = y;
-                h[6 + c][k] = v[3];
-                h[9 + c][k] = z;
-                vertices[c][k] = m.vertices + local;
-                positions[c][k] = m.positions + local;
-                mirrored[c] |= ((m.mirrored >> local & 1) as u32) << k;
+        let mut triangles = [Triangle::NONE; 16];
+        let mut which = [0u8; 16];
+        let mut count = 0;
+        let mut last = None;
+        // Neighbours mostly share a triangle.
+        for k in 0..L::WIDTH {
+            let id = lanes.ids[k];
+            if last != Some(id) {
+                triangles[count] = Triangle::new(g, id);
+                count += 1;
+                last = Some(id);
             }
+            which[k] = (count - 1) as u8;
         }
-        let w: [L::F; 3] = core::array::from_fn(|c| l.load(&h[6 + c]));
-        let x: [L::F; 3] = core::array::from_fn(|c| l.load(&h[c]) - lanes.px * w[c]);
-        let y: [L::F; 3] = core::array::from_fn(|c| l.load(&h[3 + c]) - lanes.py * w[c]);
+        let single = count == 1;
+        let (c, d) = if single {
+            (splat8(l, &triangles[0].corners), splat8(l, &triangles[0].more))
+        } else {
+            (
+                l.transpose_from(
+                    #[inline(always)]
+                    |k| &triangles[usize::from(which[k] & 15)].corners[..],
+                ),
+                l.transpose_from(
+                    #[inline(always)]
+                    |k| &triangles[usize::from(which[k] & 15)].more[..],
+                ),
+            )
+        };
+        let w = [c[2], c[5], d[0]];
+        let x = [c[0] - lanes.px * w[0], c[3] - lanes.px * w[1], c[6] - lanes.px * w[2]];
+        let y = [c[1] - lanes.py * w[0], c[4] - lanes.py * w[1], c[7] - lanes.py * w[2]];
         let next = [1, 2, 0];
         let last = [2, 0, 1];
-        let c: [L::F; 3] = core::array::from_fn(|k| x[next[k]] * y[last[k]] - x[last[k]] * y[next[k]]);
-        let along_x: [L::F; 3] = core::array::from_fn(|k| w[last[k]] * y[next[k]] - w[next[k]] * y[last[k]]);
-        let along_y: [L::F; 3] = core::array::from_fn(|k| w[next[k]] * x[last[k]] - w[last[k]] * x[next[k]]);
+        let c: [L::F; 3] = three(
+            #[inline(always)]
+            |k| x[next[k]] * y[last[k]] - x[last[k]] * y[next[k]],
+        );
+        let along_x: [L::F; 3] = three(
+            #[inline(always)]
+            |k| w[last[k]] * y[next[k]] - w[next[k]] * y[last[k]],
+        );
+        let along_y: [L::F; 3] = three(
+            #[inline(always)]
+            |k| w[next[k]] * x[last[k]] - w[last[k]] * x[next[k]],
+        );
         let determinant = c[0] + c[1] + c[2];
         let zero = l.f(0.0);
         let inverse = l.f(1.0).or_else(determinant.eq(zero), determinant).recip();
-        let weights = c.map(|c| c * inverse);
+        let weights = [c[0] * inverse, c[1] * inverse, c[2] * inverse];
         let depth = if g.view.lens.parallel {
-            let z = weights[0] * l.load(&h[9]) + weights[1] * l.load(&h[10]) + weights[2] * l.load(&h[11]);
+            let z = weights[0] * d[1] + weights[1] * d[2] + weights[2] * d[3];
             let (near, far) = (g.view.lens.near as f32, g.view.lens.far as f32);
             z * (near - far) + far
         } else {
@@ -104,9 +159,10 @@ impl<L: Lane> Corners<L> {
             inverse,
             depth,
             front,
-            vertices,
-            positions,
-            mirrored,
+            triangles,
+            which,
+            single,
+            sign: d[4],
         }
     }
 
@@ -118,10 +174,13 @@ impl<L: Lane> Corners<L> {
     /// Change of an interpolated value per pixel along x and y.
     #[inline(always)]
     fn slope(&self, v: [L::F; 3], mixed: L::F) -> [L::F; 2] {
-        core::array::from_fn(|k| {
-            let s = &self.slopes[k];
-            (v[0] * s[0] + v[1] * s[1] + v[2] * s[2] - mixed * self.sums[k]) * self.inverse
-        })
+        [self.slope_along(0, v, mixed), self.slope_along(1, v, mixed)]
+    }
+
+    #[inline(always)]
+    fn slope_along(&self, k: usize, v: [L::F; 3], mixed: L::F) -> L::F {
+        let s = &self.slopes[k];
+        (v[0] * s[0] + v[1] * s[1] + v[2] * s[2] - mixed * self.sums[k]) * self.inverse
     }
 
     #[inline(always)]
@@ -135,8 +194,9 @@ impl<L: Lane> Corners<L> {
     #[inline(always)]
     pub fn place(&self, l: L, view: &View, px: L::F, py: L::F) -> (Vec3<L::F>, Vec3<L::F>) {
         let one = l.f(1.0);
-        let [right, up, forward] = view.axes.map(|a| a.lift(one));
-        let (a, b) = (view.lens.a.map(|v| v as f32), view.lens.b.map(|v| v as f32));
+        let [right, up, forward] = [view.axes[0].lift(one), view.axes[1].lift(one), view.axes[2].lift(one)];
+        let (a, b) = (view.lens.a, view.lens.b);
+        let (a, b) = ([a[0] as f32, a[1] as f32], [b[0] as f32, b[1] as f32]);
         let aside = right * (px * a[0] + b[0]) + up * (py * a[1] + b[1]);
         let eye = view.eye.lift(one);
         if view.lens.parallel {
@@ -146,58 +206,87 @@ impl<L: Lane> Corners<L> {
         (eye + ray * self.depth, -(ray.normalize()))
     }
 
+    #[inline(always)]
+    fn triangle(&self, k: usize) -> &Triangle {
+        &self.triangles[usize::from(self.which[k] & 15)]
+    }
+    /// The eight numbers of corner `c`.
+    #[inline(always)]
+    fn row(&self, l: L, mesh: &Meshlets, c: usize) -> [L::F; 8] {
+        if self.single {
+            return splat8(l, &mesh.vertices[self.triangles[0].vertices[c] as usize]);
+        }
+        l.transpose_from(
+            #[inline(always)]
+            |k| &mesh.vertices[self.triangle(k).vertices[c] as usize][..],
+        )
+    }
+    /// Number `k` of corner `c` in an optional stream.
+    #[inline(always)]
+    fn pick<const N: usize>(&self, l: L, stream: &[[f32; N]], c: usize, k: usize) -> L::F {
+        l.f_from(
+            #[inline(always)]
+            |i| stream[self.triangle(i).vertices[c] as usize][k],
+        )
+    }
+    #[inline(always)]
+    fn mixed<const N: usize>(&self, l: L, stream: &[[f32; N]], k: usize) -> L::F {
+        self.mix([self.pick(l, stream, 0, k), self.pick(l, stream, 1, k), self.pick(l, stream, 2, k)])
+    }
+    #[inline(always)]
+    fn blend(&self, v: [Vec3<L::F>; 3]) -> Vec3<L::F> {
+        v[0] * self.weights[0] + v[1] * self.weights[1] + v[2] * self.weights[2]
+    }
+    /// Vertices have unit vectors in the world, too: transforms that bend angles are undone at each corner.
+    #[inline(always)]
+    fn turned(&self, g: &Group<'_>, v: [Vec3<L::F>; 3], m: &Mat4) -> Vec3<L::F> {
+        if g.instance.similarity {
+            m.direction(self.blend(v))
+        } else {
+            let [a, b, c] = v;
+            self.blend([m.direction(a).normalize(), m.direction(b).normalize(), m.direction(c).normalize()])
+        }
+    }
+
     /// The point that is shaded. Without lights, light that belongs to vertices is left out (enough for alpha).
     #[inline(always)]
     pub fn surface(&self, l: L, g: &Group<'_>, lights: Option<&Lights<'_>>, lanes: &Lanes<'_, L>) -> Surface<L> {
         let one = l.f(1.0);
         let (position, to_eye) = self.place(l, g.view, lanes.px, lanes.py);
         let mesh = g.draw.mesh;
-        let row = |c: usize| l.transpose_from(|k| &mesh.vertices[self.vertices[c][k] as usize][..]);
-        let (a, b, c) = (row(0), row(1), row(2));
-        let column = |k: usize| [a[k], b[k], c[k]];
-        let vector = |k: usize| -> [Vec3<L::F>; 3] {
-            [
-                Vec3::new(a[k], a[k + 1], a[k + 2]),
-                Vec3::new(b[k], b[k + 1], b[k + 2]),
-                Vec3::new(c[k], c[k + 1], c[k + 2]),
-            ]
-        };
-        let blend = |v: [Vec3<L::F>; 3]| v[0] * self.weights[0] + v[1] * self.weights[1] + v[2] * self.weights[2];
-        // Vertices have unit vectors in the world, too: transforms that bend angles are undone at each corner.
-        let turned = |v: [Vec3<L::F>; 3], m: &crate::math::vec::Mat4| {
-            if g.instance.similarity { m.direction(blend(v)) } else { blend(v.map(|v| m.direction(v).normalize())) }
-        };
+        let (a, b, c) = (self.row(l, mesh, 0), self.row(l, mesh, 1), self.row(l, mesh, 2));
         let facing = (-one).or_else(!self.front, one);
-        let normal = turned(vector(0), &g.instance.normals) * facing;
+        let normal = self.turned(g, vectors(&a, &b, &c, 0), &g.instance.normals) * facing;
         let zero = l.f(0.0);
         let (tangent, sign) = if g.look.needs_tangent() {
-            let flip = if g.instance.mirrored { one } else { -one };
-            let sign = flip.or_else(l.mask(self.mirrored[0]), -flip);
-            (turned(vector(3), &g.instance.tangents) * facing, sign * facing)
+            let sign = if g.instance.mirrored { -self.sign } else { self.sign };
+            (self.turned(g, vectors(&a, &b, &c, 3), &g.instance.tangents) * facing, sign * facing)
         } else {
             (Vec3::splat(zero), zero)
         };
         let none = (Vec2::splat(zero), Footprint { dudx: zero, dvdx: zero, dudy: zero, dvdy: zero });
-        let first = if g.look.needs_uv(0) { self.uv(column(6), column(7)) } else { none };
+        let first = if g.look.needs_uv(0) { self.uv([a[6], b[6], c[6]], [a[7], b[7], c[7]]) } else { none };
         let second = if g.look.needs_uv(1) && !mesh.uv1.is_empty() {
-            let load = |c: usize, k: usize| l.f_from(|i| mesh.uv1[self.vertices[c][i] as usize][k]);
-            self.uv([load(0, 0), load(1, 0), load(2, 0)], [load(0, 1), load(1, 1), load(2, 1)])
+            let t = &mesh.uv1;
+            self.uv(
+                [self.pick(l, t, 0, 0), self.pick(l, t, 1, 0), self.pick(l, t, 2, 0)],
+                [self.pick(l, t, 0, 1), self.pick(l, t, 1, 1), self.pick(l, t, 2, 1)],
+            )
         } else if g.look.needs_uv(1) {
-            self.uv(column(6), column(7))
+            self.uv([a[6], b[6], c[6]], [a[7], b[7], c[7]])
         } else {
             none
         };
         let color = if mesh.colors.is_empty() {
             Vec4::splat(one)
         } else {
-            let load = |k: usize| {
-                let at = |c: usize| l.f_from(|i| mesh.colors[self.vertices[c][i] as usize][k]);
-                self.mix([at(0), at(1), at(2)])
-            };
-            Vec4::new(load(0), load(1), load(2), load(3))
+            let t = &mesh.colors;
+            Vec4::new(self.mixed(l, t, 0), self.mixed(l, t, 1), self.mixed(l, t, 2), self.mixed(l, t, 3))
         };
         let lit = match lights {
-            Some(lights) if g.look.needs_lit() => Some(self.light_early(l, g, lights, vector(0), facing, lanes.active)),
+            Some(lights) if g.look.needs_lit() => {
+                Some(self.light_early(l, g, lights, vectors(&a, &b, &c, 0), facing, lanes.active))
+            }
             _ => None,
         };
         Surface {
@@ -214,6 +303,24 @@ impl<L: Lane> Corners<L> {
         }
     }
 
+    /// World position of corner `c`.
+    #[inline(always)]
+    fn corner(&self, l: L, g: &Group<'_>, c: usize) -> Vec3<L::F> {
+        let mesh = g.draw.mesh;
+        g.instance.transform.point(Vec3::new(
+            self.coordinate(l, &mesh.x, c),
+            self.coordinate(l, &mesh.y, c),
+            self.coordinate(l, &mesh.z, c),
+        ))
+    }
+    #[inline(always)]
+    fn coordinate(&self, l: L, stream: &[f32], c: usize) -> L::F {
+        l.f_from(
+            #[inline(always)]
+            |k| stream[self.triangle(k).positions[c] as usize],
+        )
+    }
+
     /// Light at the corners, interpolated (Gouraud), or at the centroid (flat).
     #[inline(always)]
     fn light_early(
@@ -225,28 +332,19 @@ impl<L: Lane> Corners<L> {
         facing: L::F,
         active: L::M,
     ) -> Lit<L> {
-        let one = l.f(1.0);
-        let mesh = g.draw.mesh;
-        let corner = |c: usize| {
-            let at = |stream: &[f32]| l.f_from(|k| stream[self.positions[c][k] as usize]);
-            g.instance.transform.point(Vec3::new(at(&mesh.x), at(&mesh.y), at(&mesh.z)))
-        };
-        let p = [corner(0), corner(1), corner(2)];
-        let towards = |p: Vec3<L::F>| {
-            if g.view.lens.parallel { (-g.view.axes[2]).lift(one) } else { (g.view.eye.lift(one) - p).normalize() }
-        };
+        let p = [self.corner(l, g, 0), self.corner(l, g, 1), self.corner(l, g, 2)];
         if g.look.shading == Shading::Flat {
             let flip = if g.instance.mirrored { -facing } else { facing };
             let n = (p[1] - p[0]).cross(p[2] - p[0]) * flip;
             let middle = (p[0] + p[1] + p[2]) / l.f(3.0);
-            return light_vertex(l, g.look, lights, middle, n, towards(middle), active);
+            return light_vertex(l, g.look, lights, middle, n, towards(l, g.view, middle), active);
         }
         let mut sum = Lit::dark(l);
         for c in 0..3 {
             let n = g.instance.normals.direction(normals[c]) * facing;
             let lit = l.enter(
                 #[inline(always)]
-                || light_vertex(l, g.look, lights, p[c], n, towards(p[c]), active),
+                || light_vertex(l, g.look, lights, p[c], n, towards(l, g.view, p[c]), active),
             );
             sum.ambient = sum.ambient + lit.ambient * self.weights[c];
             sum.diffuse = sum.diffuse + lit.diffuse * self.weights[c];
@@ -254,4 +352,23 @@ impl<L: Lane> Corners<L> {
         }
         sum
     }
+}
+
+/// Numbers `k` to `k + 2` of three corners.
+#[inline(always)]
+fn vectors<N: Copy>(a: &[N; 8], b: &[N; 8], c: &[N; 8], k: usize) -> [Vec3<N>; 3] {
+    [Vec3::new(a[k], a[k + 1], a[k + 2]), Vec3::new(b[k], b[k + 1], b[k + 2]), Vec3::new(c[k], c[k + 1], c[k + 2])]
+}
+
+/// The unit vector from a point to the eye.
+#[inline(always)]
+fn towards<L: Lane>(l: L, view: &View, p: Vec3<L::F>) -> Vec3<L::F> {
+    let one = l.f(1.0);
+    if view.lens.parallel { (-view.axes[2]).lift(one) } else { (view.eye.lift(one) - p).normalize() }
+}
+
+/// Eight numbers in all lanes.
+#[inline(always)]
+fn splat8<L: Lane>(l: L, v: &[f32; 8]) -> [L::F; 8] {
+    [l.f(v[0]), l.f(v[1]), l.f(v[2]), l.f(v[3]), l.f(v[4]), l.f(v[5]), l.f(v[6]), l.f(v[7])]
 }

@@ -63,6 +63,8 @@ struct Entry {
     samples: u16,
     /// Where in the pixel it is shaded.
     offset: [f32; 2],
+    /// Whether planes (AOVs) are its: it has the pixel's first covered sample.
+    first: bool,
 }
 
 /// Entries of one draw and one look.
@@ -70,8 +72,6 @@ struct Entry {
 struct Batch {
     key: (u32, u32),
     entries: Vec<Entry>,
-    /// Whose planes (AOVs) are the pixel's: the entry of its first covered sample.
-    first: Vec<bool>,
 }
 
 /// Memory of a tile, used again for the next.
@@ -168,7 +168,7 @@ impl Kernel for Tile<'_, '_> {
         }
         l.enter(
             #[inline(always)]
-            || finish(l, pass, &place, scratch, kept, &mut out),
+            || finish(l, pass, scratch, kept, &mut out),
         );
         count
     }
@@ -179,47 +179,68 @@ fn collect(place: &Place<'_>, scratch: &mut Scratch, samples: usize) {
     scratch.used = 0;
     let positions = sample_positions(samples as u32);
     let mut memo = (u32::MAX, 0usize);
-    let Scratch { id, batches, used, .. } = scratch;
-    let mut push = |entry: Entry, first: bool| {
-        let record = entry.id >> 7;
-        if memo.0 != record {
-            let r = &place.bins.records[record as usize];
-            let key = (r.draw, r.look);
-            let found = batches[..*used].iter().position(|b| b.key == key);
-            memo = (
-                record,
-                found.unwrap_or_else(|| {
-                    if batches.len() == *used {
-                        batches.push(Batch::default());
-                    }
-                    let batch = &mut batches[*used];
-                    batch.key = key;
-                    batch.entries.clear();
-                    batch.first.clear();
-                    *used += 1;
-                    *used - 1
-                }),
-            );
+    if samples == 1 {
+        let ids = std::mem::take(&mut scratch.id);
+        for (at, &id) in ids.iter().enumerate() {
+            if id != NOTHING {
+                if memo.0 != id >> 7 {
+                    memo = (id >> 7, scratch.batch_of(place, id));
+                }
+                let entry = Entry { id, at: at as u16, samples: 1, offset: [0.5; 2], first: true };
+                scratch.batches[memo.1].entries.push(entry);
+            }
         }
-        batches[memo.1].entries.push(entry);
-        batches[memo.1].first.push(first);
-    };
+        scratch.id = ids;
+        return;
+    }
     for at in 0..PIXELS {
-        if samples == 1 {
-            if id[at] != NOTHING {
-                push(Entry { id: id[at], at: at as u16, samples: 1, offset: [0.5; 2] }, true);
+        let ids = &scratch.id;
+        let one = ids[at];
+        // Most pixels are inside of one triangle.
+        if (1..samples).all(|s| ids[s * PIXELS + at] == one) {
+            if one != NOTHING {
+                if memo.0 != one >> 7 {
+                    memo = (one >> 7, scratch.batch_of(place, one));
+                }
+                let whole = ((1u32 << samples) - 1) as u16;
+                let entry = Entry { id: one, at: at as u16, samples: whole, offset: [0.5; 2], first: true };
+                scratch.batches[memo.1].entries.push(entry);
             }
             continue;
         }
-        let mut left = (0..samples).fold(0u32, |m, s| m | u32::from(id[s * PIXELS + at] != NOTHING) << s);
+        let mut left = (0..samples).fold(0u32, |m, s| m | u32::from(ids[s * PIXELS + at] != NOTHING) << s);
         let mut first = true;
         while left != 0 {
-            let this = id[left.trailing_zeros() as usize * PIXELS + at];
-            let mask = (0..samples).fold(0u32, |m, s| m | u32::from(id[s * PIXELS + at] == this) << s);
+            let ids = &scratch.id;
+            let id = ids[left.trailing_zeros() as usize * PIXELS + at];
+            let mask = (0..samples).fold(0u32, |m, s| m | u32::from(ids[s * PIXELS + at] == id) << s);
             left &= !mask;
-            push(Entry { id: this, at: at as u16, samples: mask as u16, offset: center(mask, positions) }, first);
+            if memo.0 != id >> 7 {
+                memo = (id >> 7, scratch.batch_of(place, id));
+            }
+            let entry = Entry { id, at: at as u16, samples: mask as u16, offset: center(mask, positions), first };
+            scratch.batches[memo.1].entries.push(entry);
             first = false;
         }
+    }
+}
+
+impl Scratch {
+    /// The batch of a triangle's draw and look.
+    fn batch_of(&mut self, place: &Place<'_>, id: u32) -> usize {
+        let r = &place.bins.records[(id >> 7) as usize];
+        let key = (r.draw, r.look);
+        if let Some(k) = self.batches[..self.used].iter().position(|b| b.key == key) {
+            return k;
+        }
+        if self.batches.len() == self.used {
+            self.batches.push(Batch { key, entries: Vec::with_capacity(PIXELS) });
+        }
+        let batch = &mut self.batches[self.used];
+        batch.key = key;
+        batch.entries.clear();
+        self.used += 1;
+        self.used - 1
     }
 }
 
@@ -311,7 +332,7 @@ fn shade_entries<L: Lane>(
                 #[inline(always)]
                 || {
                     super::aov::write(l, pass, &group, place, &lanes, &corners, &surface, planes, |k| {
-                        (k < entries.len() && batch.first[from + k]).then(|| usize::from(entries[k].at))
+                        (k < entries.len() && entries[k].first).then(|| usize::from(entries[k].at))
                     });
                 },
             );
@@ -368,7 +389,7 @@ impl Layers {
                 k += 1;
             }
             let offset = center(mask, positions);
-            layers.entries.push(Entry { id, at: at as u16, samples: mask as u16, offset });
+            layers.entries.push(Entry { id, at: at as u16, samples: mask as u16, offset, first: false });
         }
         layers
     }
@@ -443,46 +464,33 @@ fn compose<L: Lane>(
 
 /// Averages samples, tone maps, encodes and writes the tile's pixels.
 #[inline(always)]
-fn finish<L: Lane>(l: L, pass: &Pass<'_>, place: &Place<'_>, scratch: &mut Scratch, kept: usize, out: &mut Out<'_>) {
+fn finish<L: Lane>(l: L, pass: &Pass<'_>, scratch: &mut Scratch, kept: usize, out: &mut Out<'_>) {
     let step = pass.supersample as usize;
     let side = TILE as usize / step;
     let one = l.f(1.0);
-    let average = 1.0 / (kept * step * step) as f32;
-    let (_, oy) = Bins::origin(place.target, place.tile);
-    let _ = oy;
+    // Rows of eight floats are read of which four count; one pixel of padding keeps the last in reach.
+    scratch.color.push([0.0; 4]);
+    let flat: &[f32] = bytemuck::cast_slice(&scratch.color);
+    let mut sums = [[0.0f32; 8]; 16];
     for (y, row) in out.rows.iter_mut().enumerate() {
         let width = row.len() / pass.format.bytes();
         let mut x = 0;
         while x < width {
             let n = (width - x).min(L::WIDTH);
-            let mut sums = [[0.0f32; 16]; 4];
-            for k in 0..n {
-                let mut sum = [0.0f32; 4];
-                if kept * step == 1 {
-                    sum = scratch.color[y * side + x + k];
-                } else {
-                    for s in 0..kept {
-                        for dy in 0..step {
-                            for dx in 0..step {
-                                let at = s * PIXELS + (y * step + dy) * TILE as usize + (x + k) * step + dx;
-                                let c = scratch.color[at];
-                                for i in 0..4 {
-                                    sum[i] += c[i];
-                                }
-                            }
-                        }
-                    }
-                    for v in &mut sum {
-                        *v *= average;
-                    }
+            let [r, g, b, a, ..] = if kept * step == 1 {
+                l.transpose_from(
+                    #[inline(always)]
+                    |k| &flat[(y * side + x + k.min(n - 1)) * 4..],
+                )
+            } else {
+                for k in 0..n {
+                    sums[k] = averaged(&scratch.color, kept, step, x + k, y);
                 }
-                for i in 0..4 {
-                    sums[i][k] = sum[i];
-                }
-            }
-            let light = Vec3::new(l.load(&sums[0]), l.load(&sums[1]), l.load(&sums[2]));
+                l.transpose8(&sums)
+            };
+            let light = Vec3::new(r, g, b);
             // Sums of sample weights may end a hair beside 1.
-            let cover = l.load(&sums[3]);
+            let cover = a;
             let cover = one.or_else(cover.gt(l.f(1.0 - 1e-6)), cover);
             let none = cover.le(l.f(0.0));
             let light = light / one.or_else(none, cover);
@@ -515,6 +523,21 @@ fn finish<L: Lane>(l: L, pass: &Pass<'_>, place: &Place<'_>, scratch: &mut Scrat
     }
 }
 
+/// The mean of a pixel's samples (and of the pixels that supersampling makes it from).
+fn averaged(color: &[[f32; 4]], kept: usize, step: usize, x: usize, y: usize) -> [f32; 8] {
+    let mut sum = [0.0f32; 8];
+    for s in 0..kept {
+        for dy in 0..step {
+            for dx in 0..step {
+                let c = color[s * PIXELS + (y * step + dy) * TILE as usize + x * step + dx];
+                (0..4).for_each(|i| sum[i] += c[i]);
+            }
+        }
+    }
+    let share = 1.0 / (kept * step * step) as f32;
+    sum.map(|v| v * share)
+}
+
 #[inline(always)]
 fn tone<N: Num>(curve: ToneMap, c: Vec3<N>) -> Vec3<N> {
     match curve {
@@ -531,15 +554,14 @@ fn encode<L: Lane>(l: L, pass: &Pass<'_>, c: Vec4<L::F>, row: &mut [u8], n: usiz
     let srgb = pass.output.encode == Encoding::Srgb;
     match pass.format {
         Format::U8 => {
-            let code = |v: L::F| if srgb { color::linear_to_srgb8(l, v.saturate()) } else { color::to_code(v, 255.0) };
-            let packed = code(c.x) | code(c.y) << 8 | code(c.z) << 16 | color::to_code(c.w, 255.0) << 24;
+            let alpha = color::to_code(c.w, 255.0) << 24;
+            let packed = code8(l, srgb, c.x) | code8(l, srgb, c.y) << 8 | code8(l, srgb, c.z) << 16 | alpha;
             for (k, pixel) in row.chunks_exact_mut(4).take(n).enumerate() {
                 pixel.copy_from_slice(&packed.lane(k).to_le_bytes());
             }
         }
         Format::U16 => {
-            let code = |v: L::F| color::to_code(if srgb { color::linear_to_srgb(v.saturate()) } else { v }, 65535.0);
-            let codes = [code(c.x), code(c.y), code(c.z), color::to_code(c.w, 65535.0)];
+            let codes = [code16(srgb, c.x), code16(srgb, c.y), code16(srgb, c.z), color::to_code(c.w, 65535.0)];
             for (k, pixel) in row.chunks_exact_mut(8).take(n).enumerate() {
                 for (i, code) in codes.iter().enumerate() {
                     pixel[2 * i..2 * i + 2].copy_from_slice(&(code.lane(k) as u16).to_ne_bytes());
@@ -554,6 +576,16 @@ fn encode<L: Lane>(l: L, pass: &Pass<'_>, c: Vec4<L::F>, row: &mut [u8], n: usiz
             }
         }
     }
+}
+
+#[inline(always)]
+fn code8<L: Lane>(l: L, srgb: bool, v: L::F) -> L::I {
+    if srgb { color::linear_to_srgb8(l, v.saturate()) } else { color::to_code(v, 255.0) }
+}
+
+#[inline(always)]
+fn code16<N: Num>(srgb: bool, v: N) -> N::Int {
+    color::to_code(if srgb { color::linear_to_srgb(v.saturate()) } else { v }, 65535.0)
 }
 
 /// One NaN, no negative zero: files compare equal when their numbers do.

@@ -413,14 +413,10 @@ impl Look {
         };
         probe.note(|| Note::Frame { tangent: t, bitangent: b, normal: n });
         // A texel of (.5, .5, .5) or a tangent along the normal may cancel out: fall back to the normal.
-        let fallback = |v: Vec3<L::F>, n: Vec3<L::F>| {
-            let l2 = v.length2();
-            v.or_else(l2.gt(l.f(1e-20)), n).normalize()
-        };
         let facing = match self.path {
-            TbnPath::World => Facing { normal: fallback(t * m.x + b * m.y + n * m.z, n), turn: None },
+            TbnPath::World => Facing { normal: fallback(l, t * m.x + b * m.y + n * m.z, n), turn: None },
             TbnPath::Tangent => {
-                Facing { normal: fallback(m, Vec3::new(0.0, 0.0, 1.0).lift(one)), turn: Some([t, b, n]) }
+                Facing { normal: fallback(l, m, Vec3::new(0.0, 0.0, 1.0).lift(one)), turn: Some([t, b, n]) }
             }
         };
         probe.note(|| Note::Normal { mapped: m, shading: facing.normal });
@@ -439,6 +435,12 @@ impl Look {
             None => lights.ambient().lift(l.f(1.0)),
         }
     }
+}
+
+#[inline(always)]
+fn fallback<L: Lane>(l: L, v: Vec3<L::F>, n: Vec3<L::F>) -> Vec3<L::F> {
+    let l2 = v.length2();
+    v.or_else(l2.gt(l.f(1e-20)), n).normalize()
 }
 
 /// One number of a texel.
