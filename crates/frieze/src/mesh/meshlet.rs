@@ -450,7 +450,7 @@ mod tests {
 
     #[test]
     fn spheres_hold_their_points_and_cones_their_normals() {
-        let mesh = shape::torus(1.0, 64);
+        let mesh = shape::torus(1.0, 160);
         let cooked = cook(&mesh);
         for m in &cooked.meshlets {
             for k in 0..m.vertex_count as usize {
