@@ -142,7 +142,7 @@ Examples:
   frieze render model.obj --albedo wood.png --normal-map wood_n.png --normal-map-scale 0.5
 
 A model without a camera is framed from the front, a little from the right and above; one without lights
-gets a key, a fill and a rim light. `frieze samples` lists the built-in scenes.")]
+gets a key light with shadows and a fill light. `frieze samples` lists the built-in scenes.")]
 pub struct Render {
     /// A model (.glb .gltf .obj .ply .stl), a scene (.toml) or sample:NAME [default: sample:frieze]
     pub scene: Option<PathBuf>,

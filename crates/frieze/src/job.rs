@@ -133,10 +133,10 @@ impl Job {
                 Fault::Memory,
                 "job.memory",
                 format!(
-                    "no room for {what}: it needs {} MiB, and {} of {} MiB are in use",
-                    bytes.div_ceil(1 << 20),
-                    (held - bytes).div_ceil(1 << 20),
-                    self.0.memory >> 20
+                    "no room for {what}: it needs {:.1} MiB, and {:.1} of {:.1} MiB are in use",
+                    mebibytes(bytes),
+                    mebibytes(held - bytes),
+                    mebibytes(self.0.memory)
                 ),
             )
             .remedy("allow more with --max-memory, or ask for less"));
@@ -159,6 +159,10 @@ impl Job {
         });
         pool.install(f)
     }
+}
+
+fn mebibytes(bytes: u64) -> f64 {
+    bytes as f64 / 1_048_576.0
 }
 
 /// Reserved memory of a [`Job`]; dropping it gives the bytes back.

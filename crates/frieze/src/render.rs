@@ -281,6 +281,7 @@ fn draw(
         let map = light::shadow_map(light, &pass)?;
         let map = map.map(|(map, bins)| {
             counters[0] += bins.sum(|g| g.transformed);
+            counters[1] += bins.sum(|g| g.examined);
             counters[2] += bins.sum(|g| g.binned);
             counters[3] += u64::from(map.size).pow(2);
             // The memory of this view serves the next.

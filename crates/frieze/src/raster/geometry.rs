@@ -34,7 +34,7 @@ pub struct Slot {
     pub look: u32,
 }
 
-/// The classes of cpu-renderers: what the samples of a triangle need.
+/// What the samples of a triangle need.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Class {
     /// Depth and id.
