@@ -71,7 +71,7 @@ pub(super) fn write<L: Lane>(
     g: &Group<'_>,
     place: &Place<'_>,
     lanes: &Lanes<'_, L>,
-    corners: &Corners<L>,
+    corners: &Corners<'_, L>,
     surface: &Surface<L>,
     planes: &mut [Vec<f32>],
     pixel: impl Fn(usize) -> Option<usize>,

@@ -29,7 +29,7 @@ pub(super) struct Group<'a> {
 }
 
 /// The corners of the lanes' triangles.
-pub(super) struct Corners<L: Lane> {
+pub(super) struct Corners<'t, L: Lane> {
     /// Perspective-correct weights of the corners.
     pub weights: [L::F; 3],
     /// Their slopes along x and y, times the determinant.
@@ -42,7 +42,7 @@ pub(super) struct Corners<L: Lane> {
     /// Whether the front is seen.
     pub front: L::M,
     /// The distinct triangles, and which of them each lane has.
-    triangles: [Triangle; 16],
+    triangles: &'t [Triangle; 16],
     which: [u8; 16],
     /// All lanes have the same triangle.
     single: bool,
@@ -52,7 +52,7 @@ pub(super) struct Corners<L: Lane> {
 
 /// What is fetched once per triangle, in rows that lanes are transposed from.
 #[derive(Clone, Copy)]
-struct Triangle {
+pub(super) struct Triangle {
     /// x, y, w of the corners (the last w is in `more`), homogeneous picture coordinates.
     corners: [f32; 8],
     /// Last w, depths of the corners times w, tangent sign.
@@ -64,7 +64,7 @@ struct Triangle {
 }
 
 impl Triangle {
-    const NONE: Triangle = Triangle { corners: [0.0; 8], more: [0.0; 8], vertices: [0; 3], positions: [0; 3] };
+    pub const NONE: Triangle = Triangle { corners: [0.0; 8], more: [0.0; 8], vertices: [0; 3], positions: [0; 3] };
 
     #[inline(always)]
     fn new(g: &Group<'_>, id: u32) -> Self {
@@ -88,12 +88,13 @@ impl Triangle {
     }
 }
 
-impl<L: Lane> Corners<L> {
+impl<'t, L: Lane> Corners<'t, L> {
+    /// `triangles` is room for what is fetched, whatever it holds.
+    ///
     /// Weights from homogeneous coordinates relative to the pixel (Olano and Greer 1997): exact for triangles
     /// that are clipped, too, and free of the snapping of coverage.
     #[inline(always)]
-    pub fn new(l: L, g: &Group<'_>, lanes: &Lanes<'_, L>) -> Self {
-        let mut triangles = [Triangle::NONE; 16];
+    pub fn new(l: L, g: &Group<'_>, lanes: &Lanes<'_, L>, triangles: &'t mut [Triangle; 16]) -> Self {
         let mut which = [0u8; 16];
         let mut count = 0;
         let mut last = None;

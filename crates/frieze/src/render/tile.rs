@@ -1,7 +1,7 @@
 //! One tile from its bins to its final pixels.
 
 use super::Pass;
-use super::point::{Corners, Group, Lanes};
+use super::point::{Corners, Group, Lanes, Triangle};
 use crate::image::Encoding;
 use crate::image::color;
 use crate::math::lane::{Int, Kernel, Lane, Num};
@@ -34,7 +34,8 @@ impl<L: Lane> Cut<L> for Holes<'_> {
             || {
                 let ids = [id; 16];
                 let lanes = Lanes { ids: &ids, px, py, active: mask };
-                let surface = Corners::new(l, &group, &lanes).surface(l, &group, None, &lanes);
+                let surface =
+                    Corners::new(l, &group, &lanes, &mut [Triangle::NONE; 16]).surface(l, &group, None, &lanes);
                 mask & shade::alpha(l, group.look, &surface).ge(l.f(cutoff))
             },
         )
@@ -300,21 +301,37 @@ fn shade_entries<L: Lane>(
     let Some(first) = batch.entries.first() else { return };
     let group = group(pass, view, place, first.id);
     let (ox, oy) = Bins::origin(place.target, place.tile);
+    let mut triangles = [Triangle::NONE; 16];
     let mut from = 0;
     while from < n {
         let entries = &batch.entries[from..(from + L::WIDTH).min(n)];
-        let mut ids = [entries[0].id; 16];
-        let mut x = [0.0f32; 16];
-        let mut y = [0.0f32; 16];
+        let (mut ids, mut at) = ([0u32; 16], [0i32; 16]);
         for k in 0..L::WIDTH {
             let e = &entries[k.min(entries.len() - 1)];
             ids[k] = e.id;
-            x[k] = (ox + u32::from(e.at) % TILE) as f32 + e.offset[0];
-            y[k] = (oy + u32::from(e.at) / TILE) as f32 + e.offset[1];
+            at[k] = i32::from(e.at);
         }
+        let at = l.load_i(&at);
+        let (px, py) = if place.target.samples == 1 {
+            (l.f(0.5), l.f(0.5))
+        } else {
+            let offset = |axis: usize, k: usize| entries[k.min(entries.len() - 1)].offset[axis];
+            (
+                l.f_from(
+                    #[inline(always)]
+                    |k| offset(0, k),
+                ),
+                l.f_from(
+                    #[inline(always)]
+                    |k| offset(1, k),
+                ),
+            )
+        };
+        let px = ((at & (TILE as i32 - 1)) + ox as i32).to_num() + px;
+        let py = ((at >> TILE.trailing_zeros()) + oy as i32).to_num() + py;
         let active = l.mask(((1u64 << entries.len()) - 1) as u32);
-        let lanes = Lanes { ids: &ids, px: l.load(&x), py: l.load(&y), active };
-        let corners = Corners::new(l, &group, &lanes);
+        let lanes = Lanes { ids: &ids, px, py, active };
+        let corners = Corners::new(l, &group, &lanes, &mut triangles);
         let surface = corners.surface(l, &group, Some(lights), &lanes);
         // Entered by itself: one function of both would take minutes to compile, and the surface that passes
         // through memory is a few per cent of what shading touches.
