@@ -52,7 +52,7 @@ impl Page {
     }
     /// `  name            value   remark`
     fn row(&mut self, name: &str, value: impl AsRef<str>, remark: &str) {
-        let line = format!("  {name:<16}{:<34}{remark}", value.as_ref());
+        let line = format!("  {name:<16}{:<44}  {remark}", value.as_ref());
         let _ = writeln!(self.0, "{}", line.trim_end());
     }
     fn line(&mut self, text: impl AsRef<str>) {
@@ -81,9 +81,9 @@ fn text(scene: &str, e: &Explanation) -> String {
     p.line(format!("{scene}, pixel {x},{y} of {}x{} (from the upper left corner, from 0)", e.size[0], e.size[1]));
     let n = e.samples.len();
     let super_ = if e.supersample > 1 { format!(" in {0}x{0} averaged pixels", e.supersample) } else { String::new() };
-    p.line(format!("{n} coverage samples{super_}, eye at{} m", numbers(&e.eye)));
+    p.line(format!("{n} coverage samples{super_}, eye at {} m (world)", numbers(&e.eye).trim_start()));
     if e.background_only {
-        p.title("Nothing is seen here: no triangle covers the pixel, it is background");
+        p.title("Nothing is seen here: no triangle covers a sample of the pixel, it is background");
     } else {
         coverage(&mut p, e);
     }
@@ -222,7 +222,8 @@ fn term(p: &mut Page, l: &LightTerm, f: &Fragment) {
         shadow(p, s);
     }
     row(p, "diffuse", numbers(&l.diffuse), "light to be multiplied with the albedo");
-    let with = if f.model == "pbr" { "light with all factors" } else { "light to be multiplied with the reflectance" };
+    let with =
+        if f.model == "pbr" { "light, reflectance included" } else { "light to be multiplied with the reflectance" };
     row(p, "specular", numbers(&l.specular), with);
 }
 
@@ -231,11 +232,15 @@ fn shadow(p: &mut Page, s: &Shadow) {
     const MOST: usize = 25;
     let side = 2 * s.radius + 1;
     p.line(format!(
-        "    shadow map {0}x{0} at texel{1}, {side}x{side} comparisons; depth 0 is the light's near plane, 1 its far",
+        "    shadow map {0}x{0} at texel {1}, {side}x{side} comparisons; depths: 0 its near plane, 1 its far",
         s.size,
-        numbers(&s.place)
+        numbers(&s.place).trim_start()
     ));
-    p.line(format!("    the point's depth{} less bias{}", number(s.depth), number(s.bias)));
+    p.line(format!(
+        "    lit where the point's depth{} - bias{} is not beyond that of the texel:",
+        number(s.depth),
+        number(s.bias)
+    ));
     p.line("           x     y      depth");
     for t in s.taps.iter().take(MOST) {
         p.line(format!("       {:>5} {:>5} {}  {}", t.x, t.y, number(t.depth), if t.lit { "lit" } else { "shadow" }));
@@ -258,5 +263,6 @@ fn color(p: &mut Page, c: &Color) {
         Encoded::U16(v) => v.iter().map(|v| format!("{v:>10}")).collect(),
         Encoded::F32(v) => v.iter().map(|v| number(*v)).collect(),
     };
-    p.row("8-bit picture", codes.join(" "), &format!("RGBA, {}", c.encode));
+    let bits = c.format.trim_start_matches(['u', 'f']);
+    p.row(&format!("{bits}-bit picture"), codes.join(" "), &format!("RGBA, {}: the number in the file", c.encode));
 }
