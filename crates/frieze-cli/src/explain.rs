@@ -126,8 +126,8 @@ fn fragment(p: &mut Page, k: usize, f: &Fragment, samples: usize) {
     p.row("mesh", named(&f.mesh), "");
     p.row("material", f.material.as_ref().map_or("the default".to_owned(), named), "");
     p.row("model", format!("{}, {} shading", f.model, f.shading), "");
-    let side = if f.front { "front" } else { "back" };
-    p.row("triangle", format!("{} of face {}, seen from its {side}", f.triangle, f.face), "numbered as in the file");
+    p.row("triangle", format!("{} of face {}", f.triangle, f.face), "of the mesh, in the file's order, from 0");
+    p.row("side", if f.front { "front" } else { "back" }, "");
     p.row("shaded at", numbers(&f.place), "pixels, x right, y down");
     p.row("barycentrics", numbers(&f.barycentric), "weights of its corners, perspective-correct");
     p.row("position", numbers(&f.position), "metres, world space");

@@ -199,9 +199,9 @@ fn flat_and_gouraud_lights_sum_to_what_is_reflected() {
     let mut seen = 0;
     for f in all.iter().flat_map(|e| &e.fragments).filter(|f| f.shading != "phong") {
         let diffuse = sum(f.lights.iter().map(|l| l.diffuse));
-        for c in 0..3 {
+        for ((light, albedo), reflected) in diffuse.iter().zip(f.albedo).zip(f.reflected) {
             // A few roundings of numbers of size 1 to 10.
-            assert!((diffuse[c] * f64::from(f.albedo[c]) - f64::from(f.reflected[c])).abs() < 1e-5, "{f:?}");
+            assert!((light * f64::from(albedo) - f64::from(reflected)).abs() < 1e-5, "{f:?}");
         }
         seen += 1;
     }
