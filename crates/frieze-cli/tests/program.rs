@@ -102,6 +102,8 @@ fn bad_arguments_are_exit_2() {
         &["compare", "a.png", "b.png", "--fail-above", "psnr=3"],
         &["compare", "a.png", "b.png", "--fail-below", "flip=3"],
         &["explain", "sample:teapot", "--pixel", "3"],
+        &["explain", "sample:wall", "--pixel", "64,3", "--size", "64x48"],
+        &["explain", "sample:wall", "--pixel", "3,48", "--size", "64x48"],
         &["games101", "phong"],
         &["games101", "texture", "--mesh", "a.obj", "-o", "a.png"],
         &["completions", "fsh"],
@@ -345,6 +347,36 @@ fn inspect_counts() {
     let o = frieze(&dir, &["inspect", "one.obj"]);
     assert!(out(&o).contains("1 triangles in 1 objects"), "{}", out(&o));
     json(&frieze(&dir, &["inspect", "sample:teapot", "--json"]));
+}
+
+#[test]
+fn explain_tells_why_a_pixel_has_its_colour() {
+    let dir = folder("explain");
+    assert_eq!(code(&frieze(&dir, &["render", "sample:cubes", "--size", "64x48", "-o", "p.png"])), 0);
+    let picture = frieze::load::image(&dir.join("p.png"), &Default::default()).unwrap().0;
+    let Pixels::U8(bytes) = picture.pixels() else { panic!("8 bits") };
+    let channels = picture.channels();
+    for (x, y) in [(30, 24), (12, 40), (32, 20)] {
+        let pixel = format!("{x},{y}");
+        let args = ["explain", "sample:cubes", "--size", "64x48", "--pixel", &pixel];
+        let d = json(&frieze(&dir, &[&args[..], &["--json"]].concat()));
+        let encoded = d["explanation"]["color"]["encoded"].as_array().unwrap();
+        for c in 0..3 {
+            assert_eq!(encoded[c], bytes[(y * 64 + x) * channels + c], "{pixel}");
+        }
+        let o = frieze(&dir, &args);
+        assert_eq!(code(&o), 0, "{}", err(&o));
+        for word in ["barycentrics", "mip level", "texels read", "n.l", "shadow map", "tone mapped", "8-bit picture"] {
+            assert!(out(&o).contains(word), "{word}: {}", out(&o));
+        }
+    }
+    triangle(&dir);
+    let o = frieze(&dir, &["explain", "one.obj", "--size", "64", "--pixel", "0,0"]);
+    assert!(code(&o) == 0 && out(&o).contains("background"), "{}", out(&o));
+    let d = json(&frieze(&dir, &["explain", "one.obj", "--size", "64", "--pixel", "0,0", "--json"]));
+    assert_eq!(d["explanation"]["background_only"], true);
+    let o = frieze(&dir, &["explain", "one.obj", "--size", "64", "--pixel", "64,0"]);
+    assert!(code(&o) == 2 && err(&o).contains("64x64") && err(&o).contains("help"), "{}", err(&o));
 }
 
 #[test]

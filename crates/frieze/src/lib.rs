@@ -12,6 +12,7 @@
 //! ```
 
 pub mod error;
+pub mod explain;
 pub mod frame;
 pub mod games101;
 pub mod image;
@@ -30,6 +31,7 @@ pub mod shade;
 pub mod write;
 
 pub use error::{Error, Finding, Result};
+pub use explain::explain;
 pub use frame::Frame;
 pub use job::Job;
 pub use render::{RenderOptions, render};

@@ -4,6 +4,9 @@ mod aov;
 mod light;
 mod point;
 mod tile;
+mod trace;
+
+pub(crate) use trace::{Piece, Trace, trace};
 
 use crate::error::{Error, Result};
 use crate::frame::{Frame, Plane, Values};
@@ -212,6 +215,30 @@ fn split(bytes: &mut [u8], width: usize, pixel: usize, side: usize) -> Vec<Vec<&
 /// # Errors
 /// As [`render`].
 pub fn frame(prepared: &Prepared, options: &RenderOptions) -> Result<(Frame, Report)> {
+    let Plan { view, size: (width, height), supersample } = plan(prepared, options)?;
+    let job = &options.job;
+    job.check()?;
+    let pixels = u64::from(width) * u64::from(height);
+    let plane_bytes: u64 = options.aovs.iter().map(|a| a.channels().len() as u64 * 4).sum();
+    let _held = job.reserve(
+        pixels * (options.format.bytes() as u64 + plane_bytes)
+            + shadow_bytes(prepared)
+            + scratch_bytes(view.target.samples) * job.threads() as u64,
+        format_args!("a picture of {width}x{height}"),
+    )?;
+    job.run(|| draw(prepared, options, &view, (width, height), supersample))
+}
+
+/// What the options and the scene make of one another.
+struct Plan {
+    view: View,
+    /// Pixels of the picture.
+    size: (u32, u32),
+    /// Pixels of the view along each side of a pixel of the picture.
+    supersample: u32,
+}
+
+fn plan(prepared: &Prepared, options: &RenderOptions) -> Result<Plan> {
     let output = prepared.output;
     let (width, height) = if options.size == (0, 0) { output.size.into() } else { options.size };
     let samples = if options.samples == 0 { output.samples } else { options.samples };
@@ -227,18 +254,44 @@ pub fn frame(prepared: &Prepared, options: &RenderOptions) -> Result<(Frame, Rep
     let camera = prepared.camera(options.camera.as_ref(), width as f32 / height.max(1) as f32);
     let side = |n: u32| n.saturating_mul(supersample);
     let view = prepare::view(prepared, &camera, side(width), side(height), samples)?;
-    let job = &options.job;
-    job.check()?;
-    let pixels = u64::from(width) * u64::from(height);
-    let plane_bytes: u64 = options.aovs.iter().map(|a| a.channels().len() as u64 * 4).sum();
-    let shadow_bytes: u64 = prepared.lights.iter().filter_map(|l| l.shadow).map(|s| u64::from(s.size).pow(2) * 4).sum();
-    let _held = job.reserve(
-        pixels * (options.format.bytes() as u64 + plane_bytes)
-            + shadow_bytes
-            + scratch_bytes(samples) * job.threads() as u64,
-        format_args!("a picture of {width}x{height}"),
-    )?;
-    job.run(|| draw(prepared, options, &view, (width, height), supersample))
+    Ok(Plan { view, size: (width, height), supersample })
+}
+
+/// Bytes of all shadow maps.
+fn shadow_bytes(prepared: &Prepared) -> u64 {
+    prepared.lights.iter().filter_map(|l| l.shadow).map(|s| u64::from(s.size).pow(2) * 4).sum()
+}
+
+/// Every material that some object shows, with its maps.
+fn looks(prepared: &Prepared) -> Vec<Look> {
+    let used = |k: usize| prepared.instances.iter().any(|i| i.materials.contains(&k));
+    let blank = crate::scene::Material::default();
+    let materials = prepared.materials.iter().enumerate();
+    materials
+        .map(|(k, m)| Look::new(if used(k) { m } else { &blank }, |texture, color| prepared.map(texture, color)))
+        .collect()
+}
+
+/// Every light with its shadow map, drawn for this frame.
+fn lamps(pass: &Pass<'_>, counters: &mut [u64; 6]) -> Result<Vec<Lamp>> {
+    let mut lamps = Vec::with_capacity(pass.prepared.lights.len());
+    for light in &pass.prepared.lights {
+        let map = light::shadow_map(light, pass)?;
+        let map = map.map(|(map, bins)| {
+            counters[0] += bins.sum(|g| g.transformed);
+            counters[1] += bins.sum(|g| g.examined);
+            counters[2] += bins.sum(|g| g.binned);
+            counters[3] += u64::from(map.size).pow(2);
+            // The memory of this view serves the next.
+            if let Ok(mut spare) = pass.spare.lock() {
+                spare.extend(bins.parts);
+            }
+            map
+        });
+        lamps.push(Lamp::new(light, map));
+        pass.job.check()?;
+    }
+    Ok(lamps)
 }
 
 fn draw(
@@ -255,14 +308,7 @@ fn draw(
         report.stages.push((stage, now - clock));
         clock = now;
     };
-    let used = |k: usize| prepared.instances.iter().any(|i| i.materials.contains(&k));
-    let blank = crate::scene::Material::default();
-    let looks: Vec<Look> = prepared
-        .materials
-        .iter()
-        .enumerate()
-        .map(|(k, m)| Look::new(if used(k) { m } else { &blank }, |texture, color| prepared.map(texture, color)))
-        .collect();
+    let looks = looks(prepared);
     let spare = Mutex::new(Vec::new());
     let pass = Pass {
         prepared,
@@ -275,24 +321,8 @@ fn draw(
         aovs: &options.aovs,
         spare: &spare,
     };
-    let mut lamps = Vec::with_capacity(prepared.lights.len());
     let mut counters = [0u64; 6];
-    for light in &prepared.lights {
-        let map = light::shadow_map(light, &pass)?;
-        let map = map.map(|(map, bins)| {
-            counters[0] += bins.sum(|g| g.transformed);
-            counters[1] += bins.sum(|g| g.examined);
-            counters[2] += bins.sum(|g| g.binned);
-            counters[3] += u64::from(map.size).pow(2);
-            // The memory of this view serves the next.
-            if let Ok(mut spare) = spare.lock() {
-                spare.extend(bins.parts);
-            }
-            map
-        });
-        lamps.push(Lamp::new(light, map));
-        options.job.check()?;
-    }
+    let lamps = lamps(&pass, &mut counters)?;
     lap(&mut report, "shadow");
     let lights = Lights { lamps: &lamps, ambient: prepared.ambient.color, per_light: prepared.ambient.per_light };
     let draws = pass.draws(view, false);

@@ -135,6 +135,63 @@ impl ShadowMap {
     }
 }
 
+/// One texel that a shadow lookup compared with.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ShadowTap {
+    /// Texels from the left; outside of the map (where nothing is) below 0 or from `size` on.
+    pub x: i64,
+    /// Texels from the top.
+    pub y: i64,
+    /// Forward light depth of what the light sees there: 0 at near, 1 at far or where nothing is.
+    pub depth: f32,
+    /// Whether light arrives.
+    pub lit: bool,
+}
+
+/// What a shadow lookup did.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ShadowTrace {
+    /// The point in the map, texels from the left and from the top.
+    pub place: [f32; 2],
+    /// Its forward light depth: 0 at near, 1 at far.
+    pub depth: f32,
+    /// Taken from the depth before it is compared.
+    pub bias: f32,
+    /// The comparisons, row after row; the share that is lit is the visibility.
+    pub taps: Vec<ShadowTap>,
+}
+
+impl ShadowMap {
+    /// What [`ShadowMap::visibility`] compares at `position` (world), with the unit normal for the bias.
+    pub fn traced(&self, position: Vec3, normal: Vec3) -> ShadowTrace {
+        let p = self.matrix.point(position);
+        let bias = match &self.offset {
+            Offset::Constant(b) => *b,
+            Offset::Slope { axes, texel } => {
+                let n = axes.map(|a| normal.dot(a));
+                let slope = (n[0].abs() + n[1].abs()) / Num::max(n[2], 0.05);
+                (slope * (self.radius as f32 + 0.5) + 0.5) * *texel
+            }
+        };
+        let (size, r) = (i64::from(self.size), i64::from(self.radius));
+        // As far outside as any.
+        let (low, high) = if self.repeat { (-1e9, 1e9) } else { (-(r as f32) - 1.0, (size + r) as f32) };
+        let texel = |v: f32| Num::clamp(v.floor(), low, high) as i64;
+        let (x, y) = (texel(p.x), texel(p.y));
+        let asked = p.z + bias;
+        let asked = if self.repeat { asked } else { Num::max(asked, 0.0) };
+        let mut taps = Vec::new();
+        for (dy, dx) in (-r..=r).flat_map(|dy| (-r..=r).map(move |dx| (dy, dx))) {
+            let wrap = |v: i64| if self.repeat { v.rem_euclid(size) } else { v };
+            let (x, y) = (wrap(x + dx), wrap(y + dy));
+            let inside = (0..size).contains(&x) && (0..size).contains(&y);
+            let depth = if inside { self.texel(x as u32, y as u32) } else { 0.0 };
+            taps.push(ShadowTap { x, y, depth: 1.0 - depth, lit: asked >= depth });
+        }
+        ShadowTrace { place: [p.x, p.y], depth: 1.0 - p.z, bias, taps }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -178,6 +235,25 @@ mod tests {
             assert_eq!(ask(&map, x, y, z), 1.0, "{x} {y} {z}");
         }
         assert_eq!(ask(&map, -2.0, 2.0, 0.4), 1.0);
+    }
+
+    #[test]
+    fn the_trace_of_a_lookup_is_the_lookup() {
+        let axes = [Vec3::new(1.0, 0.0, 0.0), Vec3::new(0.0, 1.0, 0.0), Vec3::new(0.0, 0.0, 1.0)];
+        for (radius, repeat, auto) in
+            (0..3).flat_map(|r| [(r, false, false), (r, false, true), (r, true, false), (r, true, true)])
+        {
+            let offset = if auto { Offset::Slope { axes, texel: 0.01 } } else { Offset::Constant(0.02) };
+            let map = ShadowMap { offset, repeat, ..half(radius) };
+            for k in 0..200 {
+                let k = k as f32;
+                let n = Vec3::new(k * 0.01, k * 0.003, 0.8).normalize();
+                let p = Vec3::new(k * 0.063 - 4.0, k * 0.037 - 2.0, k * 0.007 - 0.2);
+                let trace = map.traced(p, n);
+                let lit = trace.taps.iter().filter(|t| t.lit).count() as f32;
+                assert_eq!(lit / trace.taps.len() as f32, map.visibility(One, p, n, true), "{map:?} {p:?}");
+            }
+        }
     }
 
     #[test]

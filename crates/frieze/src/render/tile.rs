@@ -43,7 +43,7 @@ impl<L: Lane> Cut<L> for Holes<'_> {
 }
 
 #[inline(always)]
-fn group<'a>(pass: &'a Pass<'a>, view: &'a View, place: &Place<'a>, id: u32) -> Group<'a> {
+pub(super) fn group<'a>(pass: &'a Pass<'a>, view: &'a View, place: &Place<'a>, id: u32) -> Group<'a> {
     let r = &place.bins.records[(id >> 7) as usize];
     Group {
         view,
@@ -56,34 +56,34 @@ fn group<'a>(pass: &'a Pass<'a>, view: &'a View, place: &Place<'a>, id: u32) -> 
 
 /// Something to shade: a triangle in a pixel.
 #[derive(Clone, Copy, Debug)]
-struct Entry {
-    id: u32,
+pub(super) struct Entry {
+    pub id: u32,
     /// Pixel of the tile.
-    at: u16,
+    pub at: u16,
     /// Samples of the pixel that it covers, as bits.
-    samples: u16,
+    pub samples: u16,
     /// Where in the pixel it is shaded.
-    offset: [f32; 2],
+    pub offset: [f32; 2],
     /// Whether planes (AOVs) are its: it has the pixel's first covered sample.
-    first: bool,
+    pub first: bool,
 }
 
 /// Entries of one draw and one look.
 #[derive(Debug, Default)]
-struct Batch {
+pub(super) struct Batch {
     key: (u32, u32),
-    entries: Vec<Entry>,
+    pub entries: Vec<Entry>,
 }
 
 /// Memory of a tile, used again for the next.
 #[derive(Debug, Default)]
 pub(super) struct Scratch {
-    depth: Vec<f32>,
-    id: Vec<u32>,
-    batches: Vec<Batch>,
-    used: usize,
+    pub depth: Vec<f32>,
+    pub id: Vec<u32>,
+    pub batches: Vec<Batch>,
+    pub used: usize,
     /// Premultiplied light and coverage per pixel, or per sample while layers are composed.
-    color: Vec<[f32; 4]>,
+    pub color: Vec<[f32; 4]>,
     shaded: [Vec<f32>; 4],
     fragments: Vec<Fragment>,
     planes: Vec<Vec<f32>>,
@@ -121,19 +121,7 @@ impl Kernel for Tile<'_, '_> {
         let Tile { pass, view, lights, place, mut out, scratch } = self;
         let samples = place.target.samples as usize;
         let mut count = Count::default();
-        let (mut cuts, mut layers) = (false, false);
-        for e in place.bins.tile(place.tile) {
-            let record = if e.mask == 0 {
-                place.bins.base(e.part) + place.bins.parts[e.part as usize].pieces[e.what as usize].record
-            } else {
-                e.what
-            };
-            match place.bins.records[record as usize].class {
-                Class::Cut => cuts = true,
-                Class::Layered => layers = true,
-                _ => {}
-            }
-        }
+        let (cuts, layers) = classes(&place);
         scratch.depth.clear();
         scratch.depth.resize(PIXELS * samples, 0.0);
         scratch.id.clear();
@@ -175,8 +163,26 @@ impl Kernel for Tile<'_, '_> {
     }
 }
 
+/// Whether a tile has cut triangles, and whether it has layered ones.
+pub(super) fn classes(place: &Place<'_>) -> (bool, bool) {
+    let (mut cuts, mut layers) = (false, false);
+    for e in place.bins.tile(place.tile) {
+        let record = if e.mask == 0 {
+            place.bins.base(e.part) + place.bins.parts[e.part as usize].pieces[e.what as usize].record
+        } else {
+            e.what
+        };
+        match place.bins.records[record as usize].class {
+            Class::Cut => cuts = true,
+            Class::Layered => layers = true,
+            _ => {}
+        }
+    }
+    (cuts, layers)
+}
+
 /// Sorts the visible samples of a tile by draw and look.
-fn collect(place: &Place<'_>, scratch: &mut Scratch, samples: usize) {
+pub(super) fn collect(place: &Place<'_>, scratch: &mut Scratch, samples: usize) {
     scratch.used = 0;
     let positions = sample_positions(samples as u32);
     let mut memo = (u32::MAX, 0usize);
@@ -359,7 +365,7 @@ fn shade_entries<L: Lane>(
 }
 
 /// Adds what was shaded to the pixels (or to their samples).
-fn spread(batch: &Batch, shaded: &[Vec<f32>; 4], color: &mut [[f32; 4]], samples: usize, kept: usize) {
+pub(super) fn spread(batch: &Batch, shaded: &[Vec<f32>; 4], color: &mut [[f32; 4]], samples: usize, kept: usize) {
     let share = 1.0 / samples as f32;
     for (k, e) in batch.entries.iter().enumerate() {
         // A layer may not have alpha; what is solid is opaque.
@@ -384,15 +390,15 @@ fn spread(batch: &Batch, shaded: &[Vec<f32>; 4], color: &mut [[f32; 4]], samples
 
 /// Layered fragments of a tile, ready to be shaded and composed.
 #[derive(Default)]
-struct Layers {
+pub(super) struct Layers {
     /// One per triangle and pixel.
-    entries: Vec<Entry>,
+    pub entries: Vec<Entry>,
     /// Place, bits of the depth, triangle, entry.
-    order: Vec<(u32, u32, u32, u32)>,
+    pub order: Vec<(u32, u32, u32, u32)>,
 }
 
 impl Layers {
-    fn new(fragments: &mut [Fragment], positions: &[[i32; 2]]) -> Self {
+    pub fn new(fragments: &mut [Fragment], positions: &[[i32; 2]]) -> Self {
         fragments.sort_unstable_by_key(|f| (f.at as usize % PIXELS, f.id, f.at));
         let mut layers = Layers::default();
         let mut k = 0;
@@ -422,10 +428,13 @@ impl Layers {
         groups.into_values().collect()
     }
     /// Far to near; at equal depth the lower source lies on top.
-    fn compose(mut self, place: &Place<'_>, colors: &[[f32; 4]], to: &mut [[f32; 4]]) {
+    pub fn sort(&mut self, place: &Place<'_>) {
         self.order.sort_by(|a, b| {
             (a.0, a.1).cmp(&(b.0, b.1)).then_with(|| place.comes_before(a.2, b.2).cmp(&place.comes_before(b.2, a.2)))
         });
+    }
+    /// Each layer over what is behind, in the order in which [`Layers::sort`] put them.
+    pub fn compose(self, colors: &[[f32; 4]], to: &mut [[f32; 4]]) {
         for (at, _, _, k) in self.order {
             let c = colors[k as usize];
             let a = c[3].clamp(0.0, 1.0);
@@ -463,7 +472,7 @@ fn compose<L: Lane>(
             ranges.push((far, middle));
             continue;
         }
-        let layers = Layers::new(&mut fragments, sample_positions(samples as u32));
+        let mut layers = Layers::new(&mut fragments, sample_positions(samples as u32));
         count.shaded += layers.entries.len() as u64;
         let mut colors = vec![[0.0f32; 4]; layers.entries.len()];
         for (batch, members) in layers.batches(place) {
@@ -474,14 +483,15 @@ fn compose<L: Lane>(
                 }
             }
         }
-        layers.compose(place, &colors, &mut scratch.color);
+        layers.sort(place);
+        layers.compose(&colors, &mut scratch.color);
     }
     scratch.fragments = fragments;
 }
 
 /// Averages samples, tone maps, encodes and writes the tile's pixels.
 #[inline(always)]
-fn finish<L: Lane>(l: L, pass: &Pass<'_>, scratch: &mut Scratch, kept: usize, out: &mut Out<'_>) {
+pub(super) fn finish<L: Lane>(l: L, pass: &Pass<'_>, scratch: &mut Scratch, kept: usize, out: &mut Out<'_>) {
     let step = pass.supersample as usize;
     let side = TILE as usize / step;
     let one = l.f(1.0);
@@ -556,7 +566,7 @@ fn averaged(color: &[[f32; 4]], kept: usize, step: usize, x: usize, y: usize) ->
 }
 
 #[inline(always)]
-fn tone<N: Num>(curve: ToneMap, c: Vec3<N>) -> Vec3<N> {
+pub(super) fn tone<N: Num>(curve: ToneMap, c: Vec3<N>) -> Vec3<N> {
     match curve {
         ToneMap::None => color::clamp(c),
         ToneMap::Aces => color::aces(c),

@@ -87,6 +87,10 @@ impl Lamp {
     pub fn color(&self) -> Vec3 {
         self.color.into()
     }
+    /// The shadow map of this frame, if it casts shadows.
+    pub fn shadow(&self) -> Option<&ShadowMap> {
+        self.shadow.as_ref()
+    }
     /// Where light comes from, and how much of it arrives without occluders.
     #[inline(always)]
     pub(super) fn incoming<L: Lane>(&self, l: L, position: Vec3<L::F>) -> Incoming<L::F> {
