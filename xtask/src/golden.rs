@@ -1,18 +1,20 @@
-//! Golden pictures: small renders of every built-in scene, kept in `crates/frieze/tests/golden`. They change
-//! through this chore only (law 10), which shows expected | difference | actual first.
+//! Golden pictures: small renders of every built-in scene and of the tests' own, kept in
+//! `crates/frieze/tests/golden`. They change through this chore only (law 10), which shows
+//! expected | difference | actual first.
 
+#[path = "../../crates/frieze/tests/pictures/scenes.rs"]
+mod scenes;
+
+use frieze::Error;
 use frieze::image::{Encoding, Image, Pixels, diff};
 use frieze::load::LoadOptions;
 use frieze::render::{RenderOptions, render};
 use frieze::write::WriteOptions;
-use frieze::{Error, samples};
 use std::fs;
 use std::path::Path;
 
 /// Pixels of a golden picture.
-const SIZE: (u32, u32) = (96, 64);
-/// The part of the stress scenes that is drawn.
-const FRACTION: f32 = 0.01;
+const SIZE: (u32, u32) = (128, 96);
 
 /// Renders all pictures anew; without `accept`, changes are an error.
 pub fn run(root: &Path, accept: bool) -> Result<(), String> {
@@ -24,8 +26,8 @@ pub fn run(root: &Path, accept: bool) -> Result<(), String> {
     }
     let force = WriteOptions { force: true, ..WriteOptions::default() };
     let mut changed = Vec::new();
-    for (name, _) in samples::NAMES {
-        let scene = samples::scaled(name, FRACTION).ok_or("a listed sample exists")?;
+    for name in scenes::names() {
+        let scene = scenes::scene(name);
         let options = RenderOptions { size: SIZE, ..RenderOptions::default() };
         let actual = render(&scene, &options).map_err(said)?.color;
         let path = dir.join(format!("{name}.png"));
