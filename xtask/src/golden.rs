@@ -13,8 +13,14 @@ use frieze::write::WriteOptions;
 use std::fs;
 use std::path::Path;
 
-/// Pixels of a golden picture.
-const SIZE: (u32, u32) = (128, 96);
+/// Pixels along the longer side of a golden picture.
+const LONGER: u32 = 128;
+
+/// The size of a scene's golden picture, of the same shape as its own.
+fn size([width, height]: [u32; 2]) -> (u32, u32) {
+    let longest = width.max(height);
+    (width * LONGER / longest, height * LONGER / longest)
+}
 
 /// Renders all pictures anew; without `accept`, changes are an error.
 pub fn run(root: &Path, accept: bool) -> Result<(), String> {
@@ -28,7 +34,8 @@ pub fn run(root: &Path, accept: bool) -> Result<(), String> {
     let mut changed = Vec::new();
     for name in scenes::names() {
         let scene = scenes::scene(name);
-        let options = RenderOptions { size: SIZE, ..RenderOptions::default() };
+        let size = size(scene.output.size);
+        let options = RenderOptions { size, ..RenderOptions::default() };
         let actual = render(&scene, &options).map_err(said)?.color;
         let path = dir.join(format!("{name}.png"));
         let expected = if path.exists() {
@@ -40,7 +47,7 @@ pub fn run(root: &Path, accept: bool) -> Result<(), String> {
             }
             image
         } else {
-            blank(SIZE)
+            blank(size)
         };
         let shown = review.join(format!("{name}.png"));
         frieze::write::image(&triptych(&expected, &actual).map_err(said)?, &shown, &force).map_err(said)?;

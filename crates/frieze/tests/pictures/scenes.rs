@@ -62,7 +62,7 @@ fn picture(width: u32, height: u32, kind: usize) -> Image {
     for y in 0..height {
         for x in 0..width {
             let cell = (x / 5 + y / 4) % 3;
-            let odd = (x * 7 + y * 13) % 11 == 0;
+            let odd = (x * 7 + y * 13) % 11 == 5;
             let rgb = match cell {
                 0 => [230, 40 + 3 * y, 30],
                 1 => [20, 90, 200 - 4 * x.min(40)],
@@ -113,13 +113,13 @@ fn filters() -> Scene {
     let wraps = [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp, Wrap::Border];
     scene.meshes.push(shape::plane(1.0, 1));
     for (row, wrap) in wraps.into_iter().enumerate() {
-        let image = scene.add_image(picture(37, 23, row));
+        let image = scene.add_image(picture(11, 7, row));
         for (column, filter) in filters.into_iter().enumerate() {
             let material = scene.add_material(Material {
                 model: Model::Unlit,
                 albedo_map: Some(Texture {
-                    scale: [3.0; 2],
-                    offset: [-1.0, -0.9],
+                    scale: [2.0; 2],
+                    offset: [-0.5, -0.6],
                     rotate: if column % 2 == 0 { 0.0 } else { 11.0 },
                     filter,
                     wrap: [wrap, if row == 3 { Wrap::Mirror } else { wrap }],
@@ -175,7 +175,8 @@ fn alpha() -> Scene {
     scene.add(corners, at(-0.3, 0.8, -0.4).times(&upright()), painted);
     scene.add(shape::plane(5.0, 1), at(0.0, -0.8, 0.0), floor);
     look(&mut scene, [0.3, 1.4, 4.6], [0.0, 0.0, 0.0], 38.0);
-    scene.lights.push(Light::directional(Vec3::new(-2.0, 4.0, 2.0), Vec3::splat(0.0)));
+    let light = Light::directional(Vec3::new(-2.0, 4.0, 2.0), Vec3::splat(0.0));
+    scene.lights.push(Light { intensity: 0.5, ..light });
     scene.output = Output { background: Background::Transparent, samples: 8, ..Default::default() };
     scene
 }
@@ -212,7 +213,7 @@ fn lights() -> Scene {
     let middle = Vec3::splat(0.0);
     let sun = Light::directional(Vec3::new(-3.0, 5.0, 2.0), middle);
     let soft = Shadow { size: 256, filter: ShadowFilter::Pcf { radius: 3 }, ..Default::default() };
-    scene.lights.push(Light { intensity: 0.35, shadow: Some(soft), ..sun.clone() });
+    scene.lights.push(Light { intensity: 0.6, shadow: Some(soft), ..sun.clone() });
     let hard = Shadow {
         size: 200,
         filter: ShadowFilter::Hard,
@@ -230,7 +231,7 @@ fn lights() -> Scene {
     scene.lights.push(Light {
         kind: LightKind::Spot { inner: 12.0, outer: 22.0 },
         color: [1.0, 0.6, 0.3],
-        intensity: 9.0,
+        intensity: 14.0,
         falloff: Falloff::InverseSquare,
         shadow: Some(pinhole),
         ..spot
