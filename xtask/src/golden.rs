@@ -1,18 +1,26 @@
-//! Golden pictures: small renders of every built-in scene, kept in `crates/frieze/tests/golden`. They change
-//! through this chore only (law 10), which shows expected | difference | actual first.
+//! Golden pictures: small renders of every built-in scene and of the tests' own, kept in
+//! `crates/frieze/tests/golden`. They change through this chore only (law 10), which shows
+//! expected | difference | actual first.
 
+#[path = "../../crates/frieze/tests/pictures/scenes.rs"]
+mod scenes;
+
+use frieze::Error;
 use frieze::image::{Encoding, Image, Pixels, diff};
 use frieze::load::LoadOptions;
 use frieze::render::{RenderOptions, render};
 use frieze::write::WriteOptions;
-use frieze::{Error, samples};
 use std::fs;
 use std::path::Path;
 
-/// Pixels of a golden picture.
-const SIZE: (u32, u32) = (96, 64);
-/// The part of the stress scenes that is drawn.
-const FRACTION: f32 = 0.01;
+/// Pixels along the longer side of a golden picture.
+const LONGER: u32 = 128;
+
+/// The size of a scene's golden picture, of the same shape as its own.
+fn size([width, height]: [u32; 2]) -> (u32, u32) {
+    let longest = width.max(height);
+    (width * LONGER / longest, height * LONGER / longest)
+}
 
 /// Renders all pictures anew; without `accept`, changes are an error.
 pub fn run(root: &Path, accept: bool) -> Result<(), String> {
@@ -24,9 +32,10 @@ pub fn run(root: &Path, accept: bool) -> Result<(), String> {
     }
     let force = WriteOptions { force: true, ..WriteOptions::default() };
     let mut changed = Vec::new();
-    for (name, _) in samples::NAMES {
-        let scene = samples::scaled(name, FRACTION).ok_or("a listed sample exists")?;
-        let options = RenderOptions { size: SIZE, ..RenderOptions::default() };
+    for name in scenes::names() {
+        let scene = scenes::scene(name);
+        let size = size(scene.output.size);
+        let options = RenderOptions { size, ..RenderOptions::default() };
         let actual = render(&scene, &options).map_err(said)?.color;
         let path = dir.join(format!("{name}.png"));
         let expected = if path.exists() {
@@ -38,7 +47,7 @@ pub fn run(root: &Path, accept: bool) -> Result<(), String> {
             }
             image
         } else {
-            blank(SIZE)
+            blank(size)
         };
         let shown = review.join(format!("{name}.png"));
         frieze::write::image(&triptych(&expected, &actual).map_err(said)?, &shown, &force).map_err(said)?;

@@ -4,13 +4,13 @@
 //!
 //! What the framework does that one would not expect, and [`Options::corrected`] mends (numbers of the errata
 //! in brackets):
-//! - t of the bump and displacement shaders is not orthogonal to n [E1];
-//! - the projection takes near and far with mixed signs, so depth is nearly constant [E7];
-//! - attributes are interpolated without perspective, as w was set to 1 [E8];
-//! - pixels are truncated towards zero and not clipped [E9] (here writes outside are always dropped);
+//! - t of the bump and displacement shaders is not orthogonal to n \[E1\];
+//! - the projection takes near and far with mixed signs, so depth is nearly constant \[E7\];
+//! - attributes are interpolated without perspective, as w was set to 1 \[E8\];
+//! - pixels are truncated towards zero and not clipped \[E9\] (here writes outside are always dropped);
 //! - a pixel's colour is multiplied with its coverage and overwrites what was there, which darkens every
-//!   edge, inner ones too [E10];
-//! - points are in view space but lights and eye are not [E12c];
+//!   edge, inner ones too \[E10\];
+//! - points are in view space but lights and eye are not \[E12c\];
 //! - the picture sits one row too low and its lowest row is lost.
 //!
 //! That a height is the length of the RGB vector (0 to 441, E14) and that displacement moves only the point that

@@ -311,7 +311,7 @@ pub fn view(prepared: &Prepared, camera: &Camera, width: u32, height: u32, sampl
         lens.far = farthest + (farthest - lens.near).abs() * 0.01 + 1e-3;
     }
     let sane = lens.a.iter().chain(&lens.b).all(|v| v.is_finite()) && lens.a.iter().all(|v| *v != 0.0);
-    if !sane || !(lens.near.is_finite() && lens.far > lens.near) || (!lens.parallel && lens.near <= 0.0) {
+    if !(sane && lens.near.is_finite() && lens.far > lens.near) || (!lens.parallel && lens.near <= 0.0) {
         return bad("has no proper projection: 0 < fov < 180 and 0 < near < far");
     }
     let matrix = world_to_picture(&lens, eye, [right, up, back]);

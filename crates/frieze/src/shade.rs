@@ -107,6 +107,7 @@ mod tests {
     use crate::math::vec::{Mat4, Vec2};
     use crate::scene::{Falloff, Light, LightKind, Material, NormalMap, Shading, TangentFrame, TbnPath, Texture};
     use core::f32::consts::PI;
+    use std::slice;
     use std::sync::Arc;
 
     const Z: Vec3 = Vec3::new(0.0, 0.0, 1.0);
@@ -266,7 +267,7 @@ mod tests {
         let s = at(One, Z, Z);
         for model in [Model::BlinnPhong, Model::Pbr] {
             let m = Material { model, ..Material::default() };
-            let one = color(&m, &[], &[a.clone()], 0.0, &s) + color(&m, &[], &[b.clone()], 0.0, &s);
+            let one = color(&m, &[], slice::from_ref(&a), 0.0, &s) + color(&m, &[], slice::from_ref(&b), 0.0, &s);
             all_near(color(&m, &[], &[a.clone(), b.clone()], 0.0, &s), one, 1e-6);
             let lamps = [a.clone(), b.clone(), a.clone()];
             let with = |per_light| {

@@ -149,6 +149,7 @@ pub trait Int:
     /// Nearest float (ties to even).
     fn to_num(self) -> Self::Num;
     /// The float with this bit pattern.
+    #[allow(clippy::wrong_self_convention, reason = "the name that f32 gives it")]
     fn from_bits(self) -> Self::Num;
     /// `self < o`.
     fn lt(self, o: Self) -> Self::Mask;

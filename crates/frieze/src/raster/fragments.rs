@@ -357,7 +357,7 @@ mod tests {
             let ray = [(f64::from(f.x) + 0.5) / 32.0 - 1.0, 1.0 - (f64::from(f.y) + 0.5) / 32.0, -1.0];
             // Plane: y c' - ... through (0, -0.5, -1) with direction (0, c, -s): normal (0, s, c).
             let (s, c) = (f64::from(s), f64::from(c));
-            let t = (s * -0.5 + c * -1.0) / (ray[1] * s + ray[2] * c);
+            let t = (s * -0.5 - c) / (ray[1] * s + ray[2] * c);
             for (got, ray) in got.array().iter().zip(ray) {
                 // Row 26 asks for 1e-5, relative to the distance.
                 assert!((f64::from(*got) - ray * t).abs() < 1e-5 * t.max(1.0), "{got} {} {f:?}", ray * t);

@@ -369,7 +369,7 @@ mod tests {
         (x * (3 - c) + y * (c + 1)) * 255 / (3 * W + 3 * H)
     }
     fn checks(x: u32, y: u32, c: u32) -> u32 {
-        if (x / 8 + y / 8) % 2 == 0 { 40 + 60 * c } else { 220 - 50 * c }
+        if (x / 8 + y / 8).is_multiple_of(2) { 40 + 60 * c } else { 220 - 50 * c }
     }
     fn noisy(x: u32, y: u32, c: u32) -> u32 {
         (ramp(x, y, c) + dice(x, y, c) % 41).saturating_sub(20).min(255)
