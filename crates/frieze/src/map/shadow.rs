@@ -215,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn row_104_a_hard_lookup_compares_with_the_nearest_texel() {
+    fn row_103_a_hard_lookup_compares_with_the_nearest_texel() {
         let map = half(0);
         assert_eq!([ask(&map, 1.9, 2.0, 0.4), ask(&map, 2.1, 2.0, 0.4)], [0.0, 1.0]);
         assert_eq!(ask(&map, 1.9, 2.0, 0.6), 1.0, "in front of the wall");
@@ -229,7 +229,7 @@ mod tests {
     }
 
     #[test]
-    fn row_108_outside_and_beyond_far_is_lit() {
+    fn row_104_outside_and_beyond_far_is_lit() {
         let map = half(1);
         for (x, y, z) in [(-9.0, 2.0, 0.4), (1.0, 99.0, 0.4), (3.9, 2.0, -0.3), (f32::NAN, 2.0, 0.4)] {
             assert_eq!(ask(&map, x, y, z), 1.0, "{x} {y} {z}");
