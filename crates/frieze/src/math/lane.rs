@@ -11,9 +11,11 @@
 
 use core::fmt::Debug;
 use core::ops::{Add, BitAnd, BitOr, BitXor, Div, Mul, Neg, Not, Shl, Shr, Sub};
+#[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+use fearless_simd::{Avx2, Avx512, Sse2};
 use fearless_simd::{
-    Avx2, Avx512, Bytes, ExtractToken, Level as CpuLevel, Select, Simd, SimdBase, SimdFloat, SimdInt, SimdMask, Sse2,
-    f32x8, f32x16, i32x8, i32x16, mask32x8, mask32x16,
+    Bytes, ExtractToken, Level as CpuLevel, Select, Simd, SimdBase, SimdFloat, SimdInt, SimdMask, f32x8, f32x16, i32x8,
+    i32x16, mask32x8, mask32x16,
 };
 
 /// A truth value per lane.
