@@ -91,6 +91,9 @@ pub fn run(a: &Render, common: &Common, talk: &Talk) -> Result<()> {
     let options =
         RenderOptions { job: job.clone(), level, size, samples: a.samples.unwrap_or(0), camera, format, aovs };
     let prepared = Prepared::new(scene, &options.job)?;
+    // From here on frames are made of what was prepared; large scenes need not be held twice.
+    let name = scene.name.clone();
+    loaded.scene = Scene::default();
     job.check()?;
     clock.lap("prepare");
 
@@ -145,7 +148,7 @@ pub fn run(a: &Render, common: &Common, talk: &Talk) -> Result<()> {
         talk.document(
             "render",
             Document {
-                scene: &scene.name,
+                scene: &name,
                 outputs: written.iter().map(|p| p.display().to_string()).collect(),
                 size: size.into(),
                 simd: level.name(),

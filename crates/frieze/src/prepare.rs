@@ -13,6 +13,7 @@ use crate::raster::{MAX_SIZE, Target};
 use crate::scene::camera::Lens;
 use crate::scene::{Ambient, Camera, Light, Material, Normals, Output, Scene, TangentFrame, Texture, View as Choice};
 use rayon::prelude::*;
+use std::borrow::Cow;
 use std::sync::Arc;
 
 /// A scene made ready for any number of frames. Whatever depends on a camera, a light or a transform is not in
@@ -227,11 +228,13 @@ fn cook(mesh: &Mesh, recipe: &Recipe) -> Meshlets {
     let normals = made.as_ref().or(mesh.normals.as_ref());
     let tangents = match (recipe.tangents, normals) {
         (Some((frame, set)), Some(normals)) => match (frame, mesh.uv[set].as_ref()) {
-            (TangentFrame::Mikktspace, _) if mesh.tangents.is_some() && made.is_none() => mesh.tangents.clone(),
-            (TangentFrame::Mikktspace, Some(uv)) => Some(tangent::mikktspace(mesh, normals, uv)),
-            (TangentFrame::Average, Some(uv)) => Some(tangent::average(mesh, normals, uv)),
-            (TangentFrame::PerTriangle, Some(uv)) => Some(tangent::per_triangle(mesh, normals, uv)),
-            _ => Some(tangent::from_normal(mesh, normals)),
+            (TangentFrame::Mikktspace, _) if mesh.tangents.is_some() && made.is_none() => {
+                mesh.tangents.as_ref().map(Cow::Borrowed)
+            }
+            (TangentFrame::Mikktspace, Some(uv)) => Some(Cow::Owned(tangent::mikktspace(mesh, normals, uv))),
+            (TangentFrame::Average, Some(uv)) => Some(Cow::Owned(tangent::average(mesh, normals, uv))),
+            (TangentFrame::PerTriangle, Some(uv)) => Some(Cow::Owned(tangent::per_triangle(mesh, normals, uv))),
+            _ => Some(Cow::Owned(tangent::from_normal(mesh, normals))),
         },
         _ => None,
     };
@@ -239,7 +242,7 @@ fn cook(mesh: &Mesh, recipe: &Recipe) -> Meshlets {
         mesh,
         &Sources {
             normals,
-            tangents: tangents.as_ref(),
+            tangents: tangents.as_deref(),
             uv: [mesh.uv[0].as_ref(), mesh.uv[1].as_ref()],
             colors: mesh.colors.as_ref(),
         },

@@ -84,11 +84,14 @@ impl Meshlets {
     /// Cooks a mesh. Runs in parallel inside of a job's pool.
     pub fn new(mesh: &Mesh, from: &Sources<'_>) -> Self {
         let identity = Identity::new(mesh, from);
-        let mut chunks: Vec<(u32, Vec<u64>, u32)> = Vec::new();
+        let mut orders = Vec::new();
         for (slot, triangles) in by_slot(mesh) {
-            let (order, mask) = along_a_curve(mesh, triangles);
-            chunks.extend(order.chunks(CHUNK).map(|c| (slot, c.to_vec(), mask)));
+            orders.push((slot, along_a_curve(mesh, triangles)));
         }
+        let chunks: Vec<(u32, &[u64], u32)> = orders
+            .iter()
+            .flat_map(|(slot, (order, mask))| order.chunks(CHUNK).map(move |c| (*slot, c, *mask)))
+            .collect();
         let parts: Vec<Meshlets> = chunks
             .into_par_iter()
             .map(|(slot, order, mask)| {
@@ -97,6 +100,7 @@ impl Meshlets {
                 part
             })
             .collect();
+        drop(orders);
         Self::join(parts)
     }
 
