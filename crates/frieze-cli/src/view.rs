@@ -1,7 +1,7 @@
 //! `--camera`, and how the camera moves for `--turntable` and `--bench`.
 
 use crate::args::did_you_mean;
-use frieze::math::exact::{cos_f64, sin_f64, tan_f64};
+use frieze::math::exact::{cos_f64, sin_f64};
 use frieze::math::vec::{Mat4, Vec3};
 use frieze::scene::{Camera, Projection, Scene, View};
 use frieze::{Error, Result};
@@ -134,26 +134,10 @@ pub fn camera(scene: &Scene, choice: Option<&Choice>, size: (u32, u32)) -> Resul
     Ok(camera)
 }
 
-/// A camera that shows the sphere around the scene's bounds, with 5 % of margin: azimuth 30 degrees,
-/// elevation 20 degrees, 35 degrees of view. A sphere, so that a turntable does not jump.
+/// The library's own choice for a bare model, so that a turntable and a benchmark see what a plain render sees.
 fn fitted(scene: &Scene, (width, height): (u32, u32)) -> Camera {
-    let up = Vec3::new(0.0, 1.0, 0.0);
-    let (lo, hi) = scene.bounds().unwrap_or((Vec3::splat(-1.0), Vec3::splat(1.0)));
-    let center = (lo + hi) * 0.5;
-    let radius = f64::from((hi - lo).length() * 0.5).max(1e-6);
-    let degrees = std::f64::consts::PI / 180.0;
-    let half = 17.5 * degrees;
-    // The narrower direction of the picture decides.
-    let aspect = f64::from(width.max(1)) / f64::from(height.max(1));
-    let t = tan_f64(half) * aspect.min(1.0);
-    let sine = t / (1.0 + t * t).sqrt();
-    let distance = radius * 1.05 / sine;
-    let (azimuth, elevation) = (30.0 * degrees, 20.0 * degrees);
-    let c = cos_f64(elevation);
-    let d = [c * sin_f64(azimuth), sin_f64(elevation), c * cos_f64(azimuth)].map(|v| (v * distance) as f32);
-    let mut camera = Camera::look_at(center + Vec3::from(d), center, up, 35.0);
-    camera.near = ((distance - radius) * 0.5) as f32;
-    camera
+    let unit = (Vec3::splat(-1.0), Vec3::splat(1.0));
+    Camera::fit(scene.bounds().unwrap_or(unit), width.max(1) as f32 / height.max(1) as f32)
 }
 
 /// The camera gone `turn` of a full turn around the vertical line through its target, counter-clockwise
@@ -208,7 +192,8 @@ mod tests {
             let scene = Scene::default();
             let c = fitted(&scene, size);
             let d = f64::from((c.eye() - c.target).length());
-            let t = tan_f64(17.5f64.to_radians()) * (f64::from(size.0) / f64::from(size.1)).min(1.0);
+            let t =
+                frieze::math::exact::tan_f64(17.5f64.to_radians()) * (f64::from(size.0) / f64::from(size.1)).min(1.0);
             // Half the angle of the sphere of radius sqrt(3) is below half the angle of view.
             assert!(3f64.sqrt() / d < t / (1.0 + t * t).sqrt(), "{size:?}");
         }

@@ -47,7 +47,6 @@ pub(crate) enum Materials {
     /// As the file says.
     Own,
     /// Others take their place: none are made, and no image is opened.
-    #[allow(dead_code, reason = "scene files ask for it")]
     Replaced,
 }
 

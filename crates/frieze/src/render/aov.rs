@@ -79,7 +79,7 @@ pub(super) fn write<L: Lane>(
     let number = |id: u32| {
         let r = &place.bins.records[(id >> 7) as usize];
         let m = &g.draw.mesh.meshlets[r.meshlet as usize];
-        (r, m, g.draw.mesh.source[m.triangles as usize + (id & 127) as usize])
+        (m, g.draw.mesh.source[m.triangles as usize + (id & 127) as usize])
     };
     let normal = if pass.aovs.iter().any(|a| matches!(a, Aov::Normal | Aov::ViewNormal)) {
         crate::shade::shading_normal(l, g.look, surface)
@@ -121,14 +121,13 @@ pub(super) fn write<L: Lane>(
             Aov::Object | Aov::Material | Aov::Triangle => {
                 for k in 0..L::WIDTH {
                     if let Some(at) = pixel(k) {
-                        let (r, m, triangle) = number(lanes.ids[k]);
+                        let (m, triangle) = number(lanes.ids[k]);
                         let slots = &g.instance.materials;
                         let id = match aov {
                             Aov::Object => g.instance.object as u32,
                             Aov::Material => slots[(m.slot as usize).min(slots.len() - 1)] as u32,
                             _ => triangle,
                         };
-                        let _ = r;
                         plane[at] = f32::from_bits(id);
                     }
                 }
