@@ -4,6 +4,7 @@
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program that talks")]
 
 mod golden;
+mod mutants;
 mod tidy;
 
 use std::path::{Path, PathBuf};
@@ -12,6 +13,8 @@ use std::process::ExitCode;
 const HELP: &str = "\
 cargo xtask golden            render the golden pictures anew and show what changed
 cargo xtask golden --accept   the same, and put the changed ones in place: only after a look at them
+cargo xtask mutants           put small mistakes into a copy of the sources: the tests of each technique must notice
+cargo xtask mutants --row 23  those of one row (may be given again); --list only shows them
 cargo xtask tidy              short files, no forbidden words, every document and link that is named exists";
 
 fn main() -> ExitCode {
@@ -20,6 +23,7 @@ fn main() -> ExitCode {
     let result = match words[..] {
         ["golden"] => golden::run(&root(), false),
         ["golden", "--accept"] => golden::run(&root(), true),
+        ["mutants", ref rest @ ..] => mutants::run(&root(), rest),
         ["tidy"] => tidy::run(&root()),
         ["help" | "--help" | "-h"] => {
             println!("{HELP}");

@@ -1,4 +1,5 @@
-//! Tidiness that no lint holds: file lengths, words that must not be committed, documents that are named.
+//! Tidiness that no lint holds: file lengths, words that must not be committed, documents that are named, mutants
+//! that no longer fit.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -27,6 +28,7 @@ pub fn run(root: &Path) -> Result<(), String> {
             faults.push(format!("{}: name the room after what it holds", path.display()));
         }
     }
+    faults.extend(crate::mutants::check(root)?);
     if faults.is_empty() {
         println!("{} files are tidy", files.len());
         return Ok(());
