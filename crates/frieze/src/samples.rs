@@ -345,6 +345,34 @@ mod tests {
     }
 
     #[test]
+    fn row_112_cubes_is_the_scene_of_document_002() {
+        let scene = scene("cubes").unwrap();
+        let size = |k: usize| {
+            let (lo, hi) = scene.meshes[scene.objects[k].mesh].bounds().unwrap();
+            (Vec3::from(hi) - lo.into()) * scene.objects[k].transform.column(0).xyz().length()
+        };
+        let places = [[0.0, -0.5, 0.0], [0.0, 1.5, 0.0], [2.0, 0.0, 1.0], [-1.0, 0.0, 2.0]];
+        let sizes = [[50.0, 0.0, 50.0], [1.0; 3], [1.0; 3], [0.5; 3]];
+        assert_eq!(scene.objects.len(), 4);
+        for (k, (place, wide)) in places.into_iter().zip(sizes).enumerate() {
+            assert_eq!(scene.objects[k].transform.column(3).xyz().array(), place);
+            // The turned cube's scale comes from a rounded rotation.
+            assert!((size(k) - Vec3::from(wide)).length() < 1e-6, "{k}: {:?}", size(k));
+        }
+        // The small one is turned by 60 degrees about (1, 0, 1).
+        let turned = scene.objects[3].transform.direction(Vec3::new(1.0, 0.0, 1.0));
+        assert!((turned - Vec3::new(0.25, 0.0, 0.25)).length() < 1e-6, "{turned:?}");
+        let cosine = scene.objects[3].transform.direction(UP).y / 0.25;
+        assert!((cosine - 0.5).abs() < 1e-6, "{cosine}");
+        // ortho(-10, 10, -10, 10, 1, 7.5), lookAt((-2, 4, -1), origin), 1024 x 1024, bias 0.005, 3x3.
+        let (light, shadow) = (&scene.lights[0], scene.lights[0].shadow.as_ref().unwrap());
+        assert_eq!(light.position.array(), [-2.0, 4.0, -1.0]);
+        assert!((light.direction.normalize() + light.position.normalize()).length() < 1e-6);
+        assert_eq!((shadow.size, shadow.near, shadow.far, shadow.extent), (1024, Some(1.0), Some(7.5), Some(10.0)));
+        assert_eq!((shadow.bias, shadow.filter), (Bias::Value(0.005), ShadowFilter::Pcf { radius: 1 }));
+    }
+
+    #[test]
     fn stress_scenes_have_the_benchmarks_triangles_and_frames() {
         // Counts of the full scenes by their grids; structure by a small one.
         for (nu, nv, count) in [(152, 50, 251_392), (694, 224, 4_982_784)] {

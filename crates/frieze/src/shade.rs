@@ -161,12 +161,18 @@ mod tests {
     #[test]
     fn row_4_the_texel_multiplies_the_diffuse_term_only() {
         let m = Material { ambient: Some([0.3; 3]), albedo_map: Some(Texture::new(0)), ..Material::default() };
-        let lamps = [sun(Vec3::new(0.3, 0.2, 1.0))];
+        let towards = Vec3::new(0.3, 0.2, 1.0);
+        let lamps = [sun(towards)];
         let with = |t: f32| color(&m, &[[t, t, t, 1.0]], &lamps, 0.5, &at(One, Z, Z)).x;
         let (none, once, twice) = (with(0.0), with(0.25), with(0.5));
+        let n_l = towards.normalize().z;
         // Sums of three terms below 2.
-        near(twice - none, 2.0 * (once - none), 1e-6);
-        assert!(none > 0.1 && once > none);
+        near(once - none, 0.25 * n_l, 1e-6);
+        near(twice - none, 0.5 * n_l, 1e-6);
+        // Under a black texel there is ambient light, 0.3 of 0.5, and the highlight as it is without a texture.
+        let highlight = color(&Material { albedo: [0.0; 3], ..Material::default() }, &[], &lamps, 0.0, &at(One, Z, Z)).x;
+        assert!(highlight > 0.1, "{highlight}");
+        near(none, 0.15 + highlight, 1e-6);
     }
 
     #[test]

@@ -405,9 +405,12 @@ mod tests {
             let [x, y, z] = mesh.position(c);
             let t = tangents.at(&mesh, c);
             if y.abs() < 0.4 {
-                // At the seam only one side is averaged: 15 degrees and a Gram-Schmidt step.
                 let east = Vec3::new(z, 0.0, -x).normalize();
-                assert!(east.dot(Vec3::new(t[0], t[1], t[2])) > 0.96, "{:?} {t:?}", [x, y, z]);
+                let seam = [0.0, 1.0].contains(&uv.at(&mesh, c)[0]);
+                // The mean of both sides; at the seam only one side is averaged: 15 degrees, and a Gram-Schmidt
+                // step. The triangles of a cell lean by different amounts, which is what the rest is for.
+                let least = if seam { 0.96 } else { 0.999 };
+                assert!(east.dot(Vec3::new(t[0], t[1], t[2])) > least, "{:?} {t:?}", [x, y, z]);
             }
         }
     }
