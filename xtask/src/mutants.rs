@@ -510,7 +510,8 @@ mod tests {
                     | 4 | d | `x.rs` | the documentation test of `shade::shader` | |\n";
         let rows = table(text);
         let got: Vec<_> = rows.iter().map(|r| (r.number, r.tests.join(" "), r.tested)).collect();
-        let want = [(1, "map::tests::a files::b", true), (2, "", true), (3, "", false), (4, "doc::shade::shader", true)];
+        let want =
+            [(1, "map::tests::a files::b", true), (2, "", true), (3, "", false), (4, "doc::shade::shader", true)];
         assert_eq!(got, want.map(|(n, t, b)| (n, t.to_owned(), b)));
     }
 

@@ -170,7 +170,8 @@ mod tests {
         near(once - none, 0.25 * n_l, 1e-6);
         near(twice - none, 0.5 * n_l, 1e-6);
         // Under a black texel there is ambient light, 0.3 of 0.5, and the highlight as it is without a texture.
-        let highlight = color(&Material { albedo: [0.0; 3], ..Material::default() }, &[], &lamps, 0.0, &at(One, Z, Z)).x;
+        let highlight =
+            color(&Material { albedo: [0.0; 3], ..Material::default() }, &[], &lamps, 0.0, &at(One, Z, Z)).x;
         assert!(highlight > 0.1, "{highlight}");
         near(none, 0.15 + highlight, 1e-6);
     }
