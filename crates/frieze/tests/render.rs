@@ -1,5 +1,5 @@
 //! What a frame is, seen from outside: how often light is computed (rows 15 to 17), what is counted (row 20), what
-//! filters do to a ground (row 48), and that memory is asked for, work can be stopped and progress is told.
+//! filters do to a ground (row 48), that memory is asked for, work can be stopped and progress is told, and what is odd.
 
 #[path = "pictures/exact.rs"]
 mod exact;
@@ -162,11 +162,12 @@ fn row_20_the_counters_of_a_frame_are_what_its_stages_did() {
     // With four samples the pixels on the diagonals, eight per quad, are shaded for both triangles.
     let four = counters(&scene, 4);
     assert_eq!((four["pixels_shaded"], four["samples"]), (56 * 56 + 49 * 8, 4 * 56 * 56));
-    // What no sample can see is examined, not binned: slivers between centres.
-    let thin = soup(&[[[10.1, 9.7, 200.0], [20.0, 9.7, 200.0], [15.0, 9.9, 200.0]]; 5]);
-    scene.add(thin, Mat4::IDENTITY, 0);
+    // What no sample can see is examined, not binned: slivers between centres, beside a triangle that is seen.
+    let mut few = vec![[[10.1, 9.7, 200.0], [20.0, 9.7, 200.0], [15.0, 9.9, 200.0]]; 5];
+    few.push([[10.0, 10.0, 200.0], [20.0, 10.0, 200.0], [10.0, 20.0, 200.0]]);
+    scene.add(soup(&few), Mat4::IDENTITY, 0);
     let slivers = counters(&scene, 1);
-    assert_eq!((slivers["triangles_examined"], slivers["triangles_binned"]), (103, 98));
+    assert_eq!((slivers["triangles_examined"], slivers["triangles_binned"]), (104, 99));
     assert_eq!(slivers["pixels_shaded"], 56 * 56);
     // What lies beside the picture is not even transformed.
     scene.objects[1].transform = Mat4::translation(Vec3::new(500.0, 0.0, 0.0));
@@ -254,42 +255,6 @@ fn heavy() -> Scene {
     scene.materials[0].albedo_map = Some(Texture::new(image));
     scene.lights[0].shadow = Some(Shadow { size: 128, ..Shadow::default() });
     scene
-}
-
-/// The most address space that this process has had, bytes. Memory that was asked for and never touched counts.
-#[cfg(target_os = "linux")]
-fn peak() -> u64 {
-    let status = std::fs::read_to_string("/proc/self/status").unwrap();
-    let line = status.lines().find(|l| l.starts_with("VmPeak")).unwrap();
-    line.split_whitespace().nth(1).unwrap().parse::<u64>().unwrap() * 1024
-}
-
-// Law 11: what does not fit is refused before it is allocated.
-#[cfg(target_os = "linux")]
-#[test]
-fn pictures_and_maps_over_the_budget_are_refused_before_they_are_allocated() {
-    let mut scene = ball(Shading::Phong);
-    let prepared = Prepared::new(&scene, &Job::default()).unwrap();
-    scene.lights[0].shadow = Some(Shadow { size: 8192, ..Shadow::default() });
-    let shadowed = Prepared::new(&scene, &Job::default()).unwrap();
-    let job = Job::builder().threads(2).memory(100 << 20).build();
-    // Threads are started now, not between two readings.
-    let small = RenderOptions { job: job.clone(), size: (16, 16), ..RenderOptions::default() };
-    frame(&prepared, &small).unwrap();
-    let before = peak();
-    let refused = |e: frieze::Error| {
-        assert_eq!((e.fault, e.code), (Fault::Memory, "job.memory"));
-        assert!(e.remedy.is_some());
-    };
-    let all = Aov::ALL.map(|(_, aov)| aov).to_vec();
-    let huge = RenderOptions { size: (16384, 16384), format: Format::F32, aovs: all, ..small.clone() };
-    refused(frame(&prepared, &huge).unwrap_err());
-    let planes = RenderOptions { size: (4096, 4096), aovs: huge.aovs.clone(), ..small.clone() };
-    refused(frame(&prepared, &planes).unwrap_err());
-    refused(frame(&shadowed, &small).unwrap_err());
-    refused(light_depth(&shadowed, 0, &small).unwrap_err());
-    // 4 GiB of colour and more of planes would show; address space that other tests' threads take meanwhile is less.
-    assert!(peak() - before < 3 << 30, "{} MiB", (peak() - before) >> 20);
 }
 
 #[test]
@@ -385,5 +350,88 @@ fn progress_counts_each_tile_once() {
         let mut told = told.lock().unwrap().clone();
         told.sort_unstable();
         assert_eq!(told, (1..=total).map(|k| (k, total)).collect::<Vec<_>>(), "{size:?}");
+    }
+}
+
+// ---- what cannot be drawn, and what is odd --------------------------------------------------------------------
+
+#[test]
+fn what_cannot_be_drawn_is_an_error_with_a_code() {
+    let code = |scene: &Scene, options: &RenderOptions| {
+        let error = frieze::render(scene, options).expect_err("it cannot be drawn");
+        assert_eq!(error.fault, Fault::Arguments, "{error}");
+        error.code
+    };
+    let good = heavy();
+    let usual = RenderOptions { size: (20, 20), ..RenderOptions::default() };
+    let changed = |change: &dyn Fn(&mut Scene)| {
+        let mut scene = good.clone();
+        change(&mut scene);
+        code(&scene, &usual)
+    };
+    for change in [
+        &(|s: &mut Scene| s.objects[0].mesh = 1) as &dyn Fn(&mut Scene),
+        &|s| s.objects[0].materials = vec![0, 1],
+        &|s| s.materials[0].albedo_map.as_mut().unwrap().image = 1,
+        &|s| s.view = frieze::scene::View::Camera(1),
+    ] {
+        assert_eq!(changed(change), "scene.index");
+    }
+    for supersample in [0, 3, 16] {
+        assert_eq!(changed(&|s| s.output.supersample = supersample), "render.supersample");
+    }
+    for samples in [2, 3, 5, 32] {
+        assert_eq!(code(&good, &RenderOptions { samples, ..usual.clone() }), "render.samples");
+    }
+    for size in [(0, 5), (5, 0), (16385, 1), (1, 16385)] {
+        assert_eq!(code(&good, &RenderOptions { size, ..usual.clone() }), "render.size");
+    }
+    // Supersampling counts.
+    let wide = RenderOptions { size: (2049, 1), ..usual.clone() };
+    let mut scene = good.clone();
+    scene.output.supersample = 8;
+    assert_eq!(code(&scene, &wide), "render.size");
+    for transform in [Mat4::scale(ORIGIN), Mat4::scale(Vec3::splat(f32::NAN))] {
+        let camera = Camera { transform, ..good.cameras[0].clone() };
+        assert_eq!(code(&good, &RenderOptions { camera: Some(camera), ..usual.clone() }), "render.camera");
+    }
+    for (near, far) in [(0.0, 10.0), (-1.0, 10.0), (2.0, 2.0), (3.0, 2.0), (f32::NAN, 10.0), (1.0, f32::NAN)] {
+        let camera = Camera { near, far, ..good.cameras[0].clone() };
+        assert_eq!(code(&good, &RenderOptions { camera: Some(camera), ..usual.clone() }), "render.camera", "{near} {far}");
+    }
+}
+
+// Whatever a caller puts into a scene, something is drawn and nothing panics.
+#[test]
+fn odd_numbers_in_a_scene_are_drawn_somehow() {
+    let odd = [0.0f32, -0.0, 1e-38, 1e38, -1e38, f32::MAX, f32::INFINITY, f32::NEG_INFINITY, f32::NAN, 1.0, 3.0, -2.0];
+    let mut r = Random(32);
+    for round in 0..60 {
+        let mut scene = ball(Shading::Phong);
+        let mut number = |often: u64| if r.below(often) == 0 { odd[r.below(12) as usize] } else { r.within(-2.0, 2.0) };
+        let mut mesh = soup(&(0..20).map(|_| [(); 3].map(|()| [(); 3].map(|()| number(6)))).collect::<Vec<_>>());
+        if round % 3 == 0 {
+            let values = (0..60).map(|_| [(); 3].map(|()| number(4))).collect();
+            mesh.normals = Some(frieze::mesh::Attribute::per_position(values));
+        }
+        scene.add(mesh, Mat4::from_columns([(); 16].map(|()| number(12))), 0);
+        let material = &mut scene.materials[0];
+        material.double_sided = round % 2 == 0;
+        material.shininess = number(3);
+        if round % 5 == 0 {
+            material.alpha = frieze::scene::Alpha::Blend;
+            material.opacity = number(2);
+        }
+        scene.lights[0].shadow = Some(Shadow { size: 70, ..Shadow::default() });
+        scene.lights[0].intensity = number(3);
+        let options = RenderOptions {
+            size: (70, 40),
+            samples: [1, 4, 8, 16][round % 4],
+            aovs: Aov::ALL.map(|(_, aov)| aov).to_vec(),
+            format: [Format::U8, Format::F32][round % 2],
+            ..RenderOptions::default()
+        };
+        let frame = frieze::render(&scene, &options).expect("odd, not wrong");
+        assert_eq!((frame.color.width(), frame.planes.len()), (70, 12), "round {round}");
     }
 }
