@@ -413,6 +413,21 @@ mod tests {
                 assert!(east.dot(Vec3::new(t[0], t[1], t[2])) > least, "{:?} {t:?}", [x, y, z]);
             }
         }
+        // A picture mirrored about x = 0: its halves share places, normals and texture coordinates there, but no
+        // tangent.
+        let mesh = Mesh {
+            positions: vec![[-1.0, 0.0, 0.0], [0.0; 3], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]],
+            corners: vec![0, 1, 2, 1, 3, 2],
+            normals: Some(Attribute { values: vec![[0.0, 0.0, 1.0]], index: Some(vec![0; 6]) }),
+            uv: [Some(Attribute::per_position(vec![[1.0, 1.0], [0.0, 1.0], [0.0, 0.0], [1.0, 1.0]])), None],
+            ..Default::default()
+        };
+        let (n, uv) = parts(&mesh);
+        let tangents = average(&mesh, n, uv);
+        for c in 0..6 {
+            let x = if c < 3 { -1.0 } else { 1.0 };
+            assert_eq!(tangents.at(&mesh, c), [x, 0.0, 0.0, x]);
+        }
     }
 
     #[test]
