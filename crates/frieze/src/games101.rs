@@ -681,6 +681,20 @@ mod tests {
         // Row 28, compat: the value in the middle of an edge on the screen is the mean of its ends.
         let p = t.payload([0.5, 0.0, 0.5]);
         assert_eq!(p.tex_coords.x, 0.5);
+        // So in the picture: the near edge is seen at -4/10, the far one at 1/10 of the same length, and the middle row
+        // lies 4/5 of the way, but half of the way in space.
+        for (corrected, want) in [(false, 0.8), (true, 0.5)] {
+            let stage = VertexStage::new(corrected);
+            let options = Options { corrected, ..Options::default() };
+            let mut target = Target::new(corrected);
+            for k in 0..2 {
+                let t = stage.triangle(&m, k).unwrap();
+                rasterize(&t, &options, &mut target, |p| Vec3::splat(p.tex_coords.x));
+            }
+            let got = target.color[target.index(450, 350).unwrap()][0];
+            // Half a pixel is 1/420 of the way.
+            assert!((got - want).abs() < 0.003, "{corrected}: {got}");
+        }
     }
 
     #[test]
