@@ -12,6 +12,8 @@ pub const NOTHING: u32 = u32::MAX;
 
 /// Asked for every sample of a triangle of class [`Cut`](Class::Cut) that would be visible.
 pub trait Cut<L: Lane> {
+    /// Whether there may be such triangles.
+    const ANY: bool = true;
     /// The lanes of `mask` where the triangle is there. `px`, `py`: the samples' places in the picture.
     fn keep(&mut self, l: L, id: u32, px: L::F, py: L::F, mask: L::M) -> L::M;
 }
@@ -20,6 +22,7 @@ pub trait Cut<L: Lane> {
 pub struct Uncut;
 
 impl<L: Lane> Cut<L> for Uncut {
+    const ANY: bool = false;
     #[inline(always)]
     fn keep(&mut self, _: L, _: u32, _: L::F, _: L::F, mask: L::M) -> L::M {
         mask
@@ -343,6 +346,7 @@ fn scan<L: Lane>(
                 |k| corner[k] + s.b[k] * y + s.a[k] * first_x,
             );
             let mut x = first_x;
+            let mut at = index(x as u32, y as u32);
             while x <= x1 {
                 let inside = (rise[0] + e[0]) | (rise[1] + e[1]) | (rise[2] + e[2]);
                 let mask = inside.gt(l.i(-1));
@@ -350,12 +354,14 @@ fn scan<L: Lane>(
                     let px = (lx + (origin.0 + x)).to_num() + fx;
                     let z = (px - s.origin[0]) * s.slope[0] + row;
                     let z = z.max(l.f(s.range[0])).min(l.f(s.range[1]));
-                    each(number, index(x as u32, y as u32), mask, z, px, py);
+                    each(number, at, mask, z, px, py);
                 }
                 for k in 0..3 {
                     e[k] += s.a[k] * wide;
                 }
                 x += wide;
+                // The next block; single pixels have to be looked up.
+                at = if wide > 1 { at + (BLOCK * BLOCK) as usize } else { index(x as u32, y as u32) };
             }
             y += high;
         }
@@ -491,19 +497,16 @@ pub fn solid<L: Lane, C: Cut<L>, const IDS: bool>(
                     let at = sample * PIXELS + first;
                     let depths = &mut depth[at..at + L::WIDTH];
                     let old = l.load(depths);
-                    let mut pass = mask & z.gt(old);
-                    if class == Class::Cut {
-                        let see = mask & (z.gt(old) | z.eq(old));
-                        if !see.any() {
-                            return;
-                        }
-                        let kept = cut.keep(l, new, px, py, see);
-                        pass = pass & kept;
-                        if IDS {
-                            ties(l, place, new, kept & z.eq(old) & z.gt(l.f(0.0)), &mut id[at..at + L::WIDTH]);
-                        }
-                    } else if IDS {
-                        ties(l, place, new, mask & z.eq(old) & z.gt(l.f(0.0)), &mut id[at..at + L::WIDTH]);
+                    let mut see = mask & z.ge(old);
+                    if !see.any() {
+                        return;
+                    }
+                    if C::ANY && class == Class::Cut {
+                        see = see & cut.keep(l, new, px, py, see);
+                    }
+                    let pass = see & z.gt(old);
+                    if IDS && see.bits() != pass.bits() {
+                        ties(l, place, new, see & z.eq(old) & z.gt(l.f(0.0)), &mut id[at..at + L::WIDTH]);
                     }
                     if pass.any() {
                         z.or_else(pass, old).store(depths);

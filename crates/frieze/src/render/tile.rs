@@ -298,7 +298,7 @@ pub(super) fn collect<L: Lane>(l: L, place: &Place<'_>, scratch: &mut Scratch, s
             let at = first + left.trailing_zeros() as usize;
             left &= left - 1;
             scratch.edges.push(at as u16);
-            scratch.edge(place, &ids, at, positions);
+            scratch.edge(place, &ids, at, positions, single);
         }
     }
     scratch.id = ids;
@@ -316,7 +316,7 @@ pub(super) fn collect<L: Lane>(l: L, place: &Place<'_>, scratch: &mut Scratch, s
 
 impl Scratch {
     /// Adds the triangles of a pixel that has several.
-    fn edge(&mut self, place: &Place<'_>, ids: &[u32], at: usize, positions: &[[i32; 2]]) {
+    fn edge(&mut self, place: &Place<'_>, ids: &[u32], at: usize, positions: &[[i32; 2]], single: bool) {
         let samples = positions.len();
         let mut left = (0..samples).fold(0u32, |m, s| m | u32::from(ids[s * PIXELS + at] != NOTHING) << s);
         let mut first = true;
@@ -324,8 +324,9 @@ impl Scratch {
             let id = ids[left.trailing_zeros() as usize * PIXELS + at];
             let mask = (0..samples).fold(0u32, |m, s| m | u32::from(ids[s * PIXELS + at] == id) << s);
             left &= !mask;
-            let batch = self.batch_of(place, id);
-            let entry = Entry { id, at: at as u16, samples: mask as u16, offset: center(mask, positions), first };
+            let batch = if single && self.used == 1 { 0 } else { self.batch_of(place, id) };
+            let offset = if samples == 4 { CENTERS[mask as usize & 15] } else { center(mask, positions) };
+            let entry = Entry { id, at: at as u16, samples: mask as u16, offset, first };
             self.batches[batch].entries.push(entry);
             first = false;
         }
@@ -351,9 +352,8 @@ impl Scratch {
 
 /// Where a triangle that covers these samples is shaded: the pixel's centre when it covers all, else the middle
 /// of the samples that it does cover, which cannot lie outside of it.
-#[inline(always)]
-fn center(mask: u32, positions: &[[i32; 2]]) -> [f32; 2] {
-    if mask.count_ones() as usize == positions.len() {
+const fn center(mask: u32, positions: &[[i32; 2]]) -> [f32; 2] {
+    if mask == 0 || mask.count_ones() as usize == positions.len() {
         return [0.5; 2];
     }
     let mut sum = [0i32; 2];
@@ -366,6 +366,17 @@ fn center(mask: u32, positions: &[[i32; 2]]) -> [f32; 2] {
     let n = (mask.count_ones() * 256) as f32;
     [sum[0] as f32 / n, sum[1] as f32 / n]
 }
+
+/// [`center`] of every mask of four samples.
+static CENTERS: [[f32; 2]; 16] = {
+    let mut all = [[0.5; 2]; 16];
+    let mut mask = 0;
+    while mask < 16 {
+        all[mask] = center(mask as u32, sample_positions(4));
+        mask += 1;
+    }
+    all
+};
 
 /// Where shaded surfaces go.
 struct Sink<'s> {
