@@ -25,7 +25,7 @@ pub const GUARD: f32 = 16384.0;
 
 /// Sub-pixel positions of samples in 1/256 pixel from the pixel's upper left corner: the standard patterns of
 /// Direct3D and Vulkan (row 52). 1, 4, 8 or 16 samples.
-pub fn sample_positions(samples: u32) -> &'static [[i32; 2]] {
+pub const fn sample_positions(samples: u32) -> &'static [[i32; 2]] {
     match samples {
         4 => &[[96, 32], [224, 96], [32, 160], [160, 224]],
         8 => &[[144, 80], [112, 176], [208, 144], [80, 48], [48, 208], [16, 112], [176, 240], [240, 16]],

@@ -33,18 +33,22 @@ pub fn shade<L: Lane, P: Probe<L>>(
     s: &Surface<L>,
     probe: &mut P,
 ) -> Vec4<L::F> {
-    let (albedo, alpha) = look.albedo(l, s, probe);
+    let [texel, normal] = match look.texels(l, s, probe) {
+        Some([a, n]) => [Some(a), Some(n)],
+        None => [None, None],
+    };
+    let (albedo, alpha) = look.albedo(l, s, texel, probe);
     let alpha = match look.alpha {
         Alpha::Blend => alpha * look.alpha_factor(l, s, probe),
         Alpha::Opaque | Alpha::Mask(_) => l.f(1.0),
     };
     let color = match look.model {
         Model::Unlit => albedo,
-        Model::BlinnPhong => brdf::blinn_phong(l, look, lights, s, albedo, probe),
+        Model::BlinnPhong => brdf::blinn_phong(l, look, lights, s, albedo, normal, probe),
         // Entered, not inlined: two models in one function take minutes to compile.
         Model::Pbr => l.enter(
             #[inline(always)]
-            || brdf::pbr(l, look, lights, s, albedo, probe),
+            || brdf::pbr(l, look, lights, s, albedo, normal, probe),
         ),
     };
     color.extend(alpha)
@@ -54,7 +58,7 @@ pub fn shade<L: Lane, P: Probe<L>>(
 /// map.
 #[inline(always)]
 pub fn alpha<L: Lane>(l: L, look: &Look, s: &Surface<L>) -> L::F {
-    let (_, alpha) = look.albedo(l, s, &mut Silent);
+    let (_, alpha) = look.albedo(l, s, None, &mut Silent);
     alpha * look.alpha_factor(l, s, &mut Silent)
 }
 
@@ -89,7 +93,7 @@ pub fn light_vertex<L: Lane>(
 /// The unit normal that a surface is shaded with, world space, normal map included.
 #[inline(always)]
 pub fn shading_normal<L: Lane>(l: L, look: &Look, s: &Surface<L>) -> Vec3<L::F> {
-    let facing = look.facing(l, s, &mut Silent);
+    let facing = look.facing(l, s, None, &mut Silent);
     match facing.turn {
         None => facing.normal,
         Some([t, b, n]) => t * facing.normal.x + b * facing.normal.y + n * facing.normal.z,

@@ -40,16 +40,20 @@ impl Store for u32 {
         fn unpack<I: Int>(t: I) -> [I::Num; 4] {
             [(t & 0xff).to_num(), (t & 0xff00).to_num(), (t & 0xff_0000).to_num(), ((t >> 8) & 0xff_0000).to_num()]
         }
-        let (i, j) = (places::<L>(i), places::<L>(j));
-        let mut w = [[0i32; MOST]; 4];
-        for k in 0..L::WIDTH {
-            let (p, q) = (&texels[i[k] as u32 as usize..][..2], &texels[j[k] as u32 as usize..][..2]);
-            w[0][k] = p[0] as i32;
-            w[1][k] = p[1] as i32;
-            w[2][k] = q[0] as i32;
-            w[3][k] = q[1] as i32;
+        #[inline(always)]
+        fn two(texels: &[u32], i: i32) -> u64 {
+            let p = &texels[i as u32 as usize..][..2];
+            u64::from(p[0]) | u64::from(p[1]) << 32
         }
-        let (a, b, c, d) = (l.load_i(&w[0]), l.load_i(&w[1]), l.load_i(&w[2]), l.load_i(&w[3]));
+        let (i, j) = (places::<L>(i), places::<L>(j));
+        let [a, b] = l.pairs(
+            #[inline(always)]
+            |k| two(texels, i[k]),
+        );
+        let [c, d] = l.pairs(
+            #[inline(always)]
+            |k| two(texels, j[k]),
+        );
         [unpack(a), unpack(b), unpack(c), unpack(d)]
     }
     #[inline(always)]
@@ -77,14 +81,17 @@ impl Store for [u32; 2] {
             [(t & 0xffff).to_num(), ((t >> 16) & 0xffff).to_num(), (u & 0xffff).to_num(), ((u >> 16) & 0xffff).to_num()]
         }
         let (i, j) = (places::<L>(i), places::<L>(j));
-        let mut rows = [[0.0f32; 8]; MOST];
-        for k in 0..L::WIDTH {
-            let (p, q) = (&texels[i[k] as u32 as usize..][..2], &texels[j[k] as u32 as usize..][..2]);
-            rows[k] = [p[0][0], p[0][1], p[1][0], p[1][1], q[0][0], q[0][1], q[1][0], q[1][1]].map(f32::from_bits);
-        }
-        let w = l.transpose8(&rows[..L::WIDTH]);
-        let (a, b, c, d) = (w[0].to_bits(), w[1].to_bits(), w[2].to_bits(), w[3].to_bits());
-        let (e, f, g, h) = (w[4].to_bits(), w[5].to_bits(), w[6].to_bits(), w[7].to_bits());
+        let numbers: &[f32] = bytemuck::cast_slice(texels);
+        let [a, b, c, d] = l.transpose4_from(
+            #[inline(always)]
+            |k| &numbers[2 * i[k] as u32 as usize..],
+        );
+        let [e, f, g, h] = l.transpose4_from(
+            #[inline(always)]
+            |k| &numbers[2 * j[k] as u32 as usize..],
+        );
+        let (a, b, c, d) = (a.to_bits(), b.to_bits(), c.to_bits(), d.to_bits());
+        let (e, f, g, h) = (e.to_bits(), f.to_bits(), g.to_bits(), h.to_bits());
         [unpack(a, b), unpack(c, d), unpack(e, f), unpack(g, h)]
     }
     #[inline(always)]
@@ -108,13 +115,11 @@ impl Store for [f32; 4] {
         #[inline(always)]
         fn pair<L: Lane>(l: L, texels: &[[f32; 4]], i: L::I) -> [Raw<L>; 2] {
             let i = places::<L>(i);
-            let mut rows = [[0.0f32; 8]; MOST];
-            for k in 0..L::WIDTH {
-                let p = &texels[i[k] as u32 as usize..][..2];
-                rows[k][..4].copy_from_slice(&p[0]);
-                rows[k][4..].copy_from_slice(&p[1]);
-            }
-            let [a, b, c, d, e, f, g, h] = l.transpose8(&rows[..L::WIDTH]);
+            let numbers: &[f32] = bytemuck::cast_slice(texels);
+            let [a, b, c, d, e, f, g, h] = l.transpose_from(
+                #[inline(always)]
+                |k| &numbers[4 * i[k] as u32 as usize..],
+            );
             [[a, b, c, d], [e, f, g, h]]
         }
         let ([a, b], [c, d]) = (pair(l, texels, i), pair(l, texels, j));
@@ -268,13 +273,11 @@ pub(super) fn bilinear<L: Lane, S: Store, H: Listen, const BORDER: bool>(
         let v = bilinear_border(texels, at.shape(), wrap, lane2(place, 0), weight.lane(0), listen);
         return [l.f(v[0]), l.f(v[1]), l.f(v[2]), l.f(v[3])];
     }
-    let (x, s) = between(l, wrap[0], place.x, at.width);
-    let (y, t) = between(l, wrap[1], place.y, at.height);
-    let i = at.offset + y.to_int() * at.pitch + x.to_int();
-    let [a, b, c, d] = S::four(l, texels, i, i + at.pitch);
+    let taps = Taps::new(l, at, wrap, place);
     if H::ON {
         let shape = at.shape();
-        let (x, y, s, t, w) = (x.lane(0) as u32, y.lane(0) as u32, s.lane(0), t.lane(0), weight.lane(0));
+        let (x, y) = (taps.x.lane(0) as u32, taps.y.lane(0) as u32);
+        let (s, t, w) = (taps.s.lane(0), taps.t.lane(0), weight.lane(0));
         // The padding repeats texel 0; with other wraps it only ever counts 0.
         let (x1, y1) = (if x + 1 < shape.width { x + 1 } else { 0 }, if y + 1 < shape.height { y + 1 } else { 0 });
         for (x, y, k) in
@@ -283,7 +286,36 @@ pub(super) fn bilinear<L: Lane, S: Store, H: Listen, const BORDER: bool>(
             listen.tap(shape, x, y, k * w);
         }
     }
-    mix4(t, mix4(s, a, b), mix4(s, c, d))
+    taps.blend(l, texels)
+}
+
+/// Four neighbouring texels and how much each counts: the same for all maps of one size.
+#[derive(Clone, Copy)]
+pub(super) struct Taps<L: Lane> {
+    /// Column and row of the upper left one.
+    x: L::F,
+    y: L::F,
+    /// Where it is, and where the one below is.
+    i: L::I,
+    j: L::I,
+    /// The share of the right and of the lower ones.
+    s: L::F,
+    t: L::F,
+}
+
+impl<L: Lane> Taps<L> {
+    #[inline(always)]
+    pub fn new(l: L, at: At<L>, wrap: [Wrap; 2], place: Vec2<L::F>) -> Self {
+        let (x, s) = between(l, wrap[0], place.x, at.width);
+        let (y, t) = between(l, wrap[1], place.y, at.height);
+        let i = at.offset + y.to_int() * at.pitch + x.to_int();
+        Taps { x, y, i, j: i + at.pitch, s, t }
+    }
+    #[inline(always)]
+    pub fn blend<S: Store>(&self, l: L, texels: &[S]) -> Raw<L> {
+        let [a, b, c, d] = S::four(l, texels, self.i, self.j);
+        mix4(self.t, mix4(self.s, a, b), mix4(self.s, c, d))
+    }
 }
 
 /// The texel with index `i` of `n` under a wrap; `None` outside of a border.

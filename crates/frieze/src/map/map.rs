@@ -1,7 +1,7 @@
 //! The question that all maps answer: `at(place, footprint)`.
 
 use super::area;
-use super::fetch::{self, Listen, Quiet, Store, bilinear, fold, half_log2, two_levels};
+use super::fetch::{self, At, Listen, Quiet, Store, Taps, bilinear, fold, half_log2, two_levels};
 use super::filter::{Filter, Wrap};
 use crate::image::pyramid::{Pyramid, Shape, Texels};
 use crate::math::lane::{Lane, Mask, Num, One};
@@ -88,6 +88,78 @@ impl Map {
         Vec4::new(l.load(&out[0]), l.load(&out[1]), l.load(&out[2]), l.load(&out[3]))
     }
 
+    /// Whether [`Map::both`] may ask this map and another one.
+    pub fn is_twin_of(&self, other: &Map) -> bool {
+        let alike = self.filter == other.filter && self.wrap == other.wrap;
+        let formats = matches!(
+            (self.pyramid.texels(), other.pyramid.texels()),
+            (Texels::Rgba8(_) | Texels::Rgba16(_), Texels::Rgba8(_))
+        );
+        let simple = matches!(self.filter, Filter::Bilinear | Filter::MipNearest | Filter::Trilinear);
+        alike && formats && simple && self.is_wide() && self.pyramid.mips() == other.pyramid.mips()
+    }
+
+    /// As [`Map::at`] of this map and of another [twin](Map::is_twin_of): what depends on the size alone is found
+    /// once for both.
+    #[inline(always)]
+    pub fn both<L: Lane>(
+        &self,
+        other: &Map,
+        l: L,
+        place: Vec2<L::F>,
+        footprint: Footprint<L::F>,
+        active: L::M,
+    ) -> [Vec4<L::F>; 2] {
+        let lod = self.lod(l, footprint);
+        let Texels::Rgba8(b) = other.pyramid.texels() else { return self.apart(other, l, place, footprint, active) };
+        match self.pyramid.texels() {
+            Texels::Rgba8(a) => l.enter(
+                #[inline(always)]
+                || self.trilinear_both::<L, u32>(l, a, b, place, lod, active),
+            ),
+            Texels::Rgba16(a) => l.enter(
+                #[inline(always)]
+                || self.trilinear_both::<L, [u32; 2]>(l, a, b, place, lod, active),
+            ),
+            Texels::F32(_) => self.apart(other, l, place, footprint, active),
+        }
+    }
+
+    #[cold]
+    fn apart<L: Lane>(
+        &self,
+        other: &Map,
+        l: L,
+        place: Vec2<L::F>,
+        footprint: Footprint<L::F>,
+        active: L::M,
+    ) -> [Vec4<L::F>; 2] {
+        [self.at(l, place, footprint, active), other.at(l, place, footprint, active)]
+    }
+
+    #[inline(always)]
+    fn trilinear_both<L: Lane, S: Store>(
+        &self,
+        l: L,
+        a: &[S],
+        b: &[u32],
+        place: Vec2<L::F>,
+        lod: L::F,
+        active: L::M,
+    ) -> [Vec4<L::F>; 2] {
+        let levels = Levels::new(l, self, place, lod, active);
+        let mut found = [([l.f(0.0); 4], [l.f(0.0); 4]); 2];
+        for k in 0..levels.count {
+            let taps = Taps::new(l, levels.at[k], self.wrap, levels.place);
+            found[k] = (taps.blend(l, a), taps.blend(l, b));
+        }
+        let [(a, b), (c, d)] = found;
+        if levels.count == 1 {
+            return [S::finish(a), u32::finish(b)];
+        }
+        [S::finish(fetch::mix4(levels.t, a, c)), u32::finish(fetch::mix4(levels.t, b, d))]
+    }
+
     /// Lane by lane.
     #[inline(never)]
     fn singles(&self, q: &[[f32; 16]; 6], active: u32, out: &mut [[f32; 16]; 4]) {
@@ -143,18 +215,23 @@ impl Map {
         active: L::M,
         listen: &mut H,
     ) -> Vec4<L::F> {
-        let lod = match self.filter {
+        if let Filter::Anisotropic { max } = self.filter {
+            return l.enter(
+                #[inline(always)]
+                || self.anisotropic::<L, H, BORDER>(l, place, footprint, max, active, listen),
+            );
+        }
+        self.probe::<L, H, BORDER>(l, place, self.lod(l, footprint), l.f(1.0), active, listen)
+    }
+
+    /// The level that is asked: between two, or on one.
+    #[inline(always)]
+    fn lod<L: Lane>(&self, l: L, footprint: Footprint<L::F>) -> L::F {
+        match self.filter {
             Filter::Bilinear => l.f(0.0),
             Filter::MipNearest => (self.level_of(l, footprint) + 0.5).floor(),
-            Filter::Anisotropic { max } => {
-                return l.enter(
-                    #[inline(always)]
-                    || self.anisotropic::<L, H, BORDER>(l, place, footprint, max, active, listen),
-                );
-            }
             _ => self.level_of(l, footprint),
-        };
-        self.probe::<L, H, BORDER>(l, place, lod, l.f(1.0), active, listen)
+        }
     }
 
     /// A trilinear lookup. Entered, not inlined: a material asks several maps, an anisotropic lookup probes
@@ -197,21 +274,14 @@ impl Map {
         active: L::M,
         listen: &mut H,
     ) -> Vec4<L::F> {
-        let mips = self.pyramid.mips();
-        let place = Vec2::new(fold(self.wrap[0], place.x), fold(self.wrap[1], place.y));
-        let lod = lod.clamp(0.0, (mips.len() - 1) as f32);
-        let d = lod.floor();
-        let t = lod - d;
-        // All on a level (magnified, mostly): that one alone, as every lane would find it with a fraction of 0.
-        let both = (t.gt(l.f(0.0)) & active).any();
-        let at = two_levels(l, mips, d.to_int(), active);
+        let Levels { at, place, t, count } = Levels::new(l, self, place, lod, active);
         let share = [weight * (l.f(1.0) - t), weight * t];
         let mut found = [[l.f(0.0); 4]; 2];
         // A loop, so that the body is compiled once.
-        for k in 0..1 + usize::from(both) {
+        for k in 0..count {
             found[k] = bilinear::<L, S, H, BORDER>(l, texels, at[k], self.wrap, place, share[k], listen);
         }
-        S::finish(if both { fetch::mix4(t, found[0], found[1]) } else { found[0] })
+        S::finish(if count == 2 { fetch::mix4(t, found[0], found[1]) } else { found[0] })
     }
 
     /// The mean of up to `max` trilinear probes, evenly along the longer axis of the footprint's ellipse, at
@@ -265,6 +335,31 @@ impl Map {
             Texels::Rgba16(t) => area::look(self, t, place, footprint, listen),
             Texels::F32(t) => area::look(self, t, place, footprint, listen),
         }
+    }
+}
+
+/// The levels around a level of detail.
+struct Levels<L: Lane> {
+    at: [At<L>; 2],
+    /// Brought into the map.
+    place: Vec2<L::F>,
+    /// The share of the second.
+    t: L::F,
+    /// 1 when all lanes are on a level (magnified, mostly): that one alone, as every lane would find it with a
+    /// fraction of 0.
+    count: usize,
+}
+
+impl<L: Lane> Levels<L> {
+    #[inline(always)]
+    fn new(l: L, map: &Map, place: Vec2<L::F>, lod: L::F, active: L::M) -> Self {
+        let mips = map.pyramid.mips();
+        let place = Vec2::new(fold(map.wrap[0], place.x), fold(map.wrap[1], place.y));
+        let lod = lod.clamp(0.0, (mips.len() - 1) as f32);
+        let d = lod.floor();
+        let t = lod - d;
+        let both = (t.gt(l.f(0.0)) & active).any();
+        Levels { at: two_levels(l, mips, d.to_int(), active), place, t, count: 1 + usize::from(both) }
     }
 }
 

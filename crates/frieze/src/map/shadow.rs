@@ -93,12 +93,14 @@ impl ShadowMap {
         let mut lit = l.f(0.0);
         let (one, none) = (l.f(1.0), l.f(0.0));
         if self.radius == 1 {
+            let mut at = [0i32; 16];
+            first.store(&mut at);
             for row in 0..3 {
-                let taps = l.transpose_from(
+                let taps = l.transpose4_from(
                     #[inline(always)]
                     |k| {
-                        let at = first.lane(k) as usize + row * stride as usize;
-                        &self.texels[at..at + 8]
+                        let at = at[k] as usize + row * stride as usize;
+                        &self.texels[at..at + 4]
                     },
                 );
                 for tap in &taps[..3] {

@@ -14,8 +14,8 @@ use core::ops::{Add, BitAnd, BitOr, BitXor, Div, Mul, Neg, Not, Shl, Shr, Sub};
 #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
 use fearless_simd::{Avx2, Avx512, Sse2};
 use fearless_simd::{
-    Bytes, ExtractToken, Level as CpuLevel, Select, Simd, SimdBase, SimdFloat, SimdInt, SimdMask, f32x8, f32x16, i32x8,
-    i32x16, mask32x8, mask32x16,
+    Bytes, ExtractToken, Level as CpuLevel, Select, Simd, SimdBase, SimdFloat, SimdInt, SimdMask, f32x4, f32x8, f32x16,
+    i32x8, i32x16, mask32x8, mask32x16, u64x4, u64x8,
 };
 
 /// A truth value per lane.
@@ -235,6 +235,10 @@ pub trait Lane: Copy + Send + Sync + Debug + 'static {
     fn transpose8(self, rows: &[[f32; 8]]) -> [Self::F; 8];
     /// As [`Lane::transpose8`], with row `k` at the front of `row(k)` (panics if that is shorter than 8).
     fn transpose_from<'a>(self, row: impl FnMut(usize) -> &'a [f32]) -> [Self::F; 8];
+    /// As [`Lane::transpose_from`] for rows of 4 numbers.
+    fn transpose4_from<'a>(self, row: impl FnMut(usize) -> &'a [f32]) -> [Self::F; 4];
+    /// The lower and the upper halves of `pair(k)` in lane `k`: one load for two neighbours.
+    fn pairs(self, pair: impl FnMut(usize) -> u64) -> [Self::I; 2];
     /// Runs `f` compiled for this level, without forcing it to be inlined into the caller.
     fn enter<R>(self, f: impl FnOnce() -> R) -> R;
 }
@@ -563,6 +567,16 @@ impl Lane for One {
         core::array::from_fn(|c| row(0)[c])
     }
     #[inline(always)]
+    fn transpose4_from<'a>(self, mut row: impl FnMut(usize) -> &'a [f32]) -> [f32; 4] {
+        let r = &row(0)[..4];
+        [r[0], r[1], r[2], r[3]]
+    }
+    #[inline(always)]
+    fn pairs(self, mut pair: impl FnMut(usize) -> u64) -> [I1; 2] {
+        let p = pair(0);
+        [I1(p as u32 as i32), I1((p >> 32) as u32 as i32)]
+    }
+    #[inline(always)]
     fn enter<R>(self, f: impl FnOnce() -> R) -> R {
         f()
     }
@@ -778,6 +792,14 @@ macro_rules! wide {
                 wide!(@transpose $n self row $F)
             }
             #[inline(always)]
+            fn transpose4_from<'a>(self, mut row: impl FnMut(usize) -> &'a [f32]) -> [$F<S>; 4] {
+                wide!(@transpose4 $n self row $F)
+            }
+            #[inline(always)]
+            fn pairs(self, mut pair: impl FnMut(usize) -> u64) -> [$I<S>; 2] {
+                wide!(@pairs $n self pair $I)
+            }
+            #[inline(always)]
             fn enter<R>(self, f: impl FnOnce() -> R) -> R {
                 self.0.vectorize(f)
             }
@@ -824,6 +846,42 @@ macro_rules! wide {
             $F(s.combine_f32x8(t[6], u[6])), $F(s.combine_f32x8(t[7], u[7])),
         ]
     }};
+    (@transpose4 8 $self:ident $row:ident $F:ident) => {{
+        let s = $self.0;
+        let (a, b) = (rows4(s, $row(0), $row(1)), rows4(s, $row(2), $row(3)));
+        let (c, d) = (rows4(s, $row(4), $row(5)), rows4(s, $row(6), $row(7)));
+        let (even, odd) = (s.unzip_low_f32x8(a, b), s.unzip_high_f32x8(a, b));
+        let (even2, odd2) = (s.unzip_low_f32x8(c, d), s.unzip_high_f32x8(c, d));
+        [
+            $F(s.unzip_low_f32x8(even, even2)), $F(s.unzip_low_f32x8(odd, odd2)),
+            $F(s.unzip_high_f32x8(even, even2)), $F(s.unzip_high_f32x8(odd, odd2)),
+        ]
+    }};
+    (@transpose4 16 $self:ident $row:ident $F:ident) => {{
+        let s = $self.0;
+        let a = s.combine_f32x8(rows4(s, $row(0), $row(1)), rows4(s, $row(2), $row(3)));
+        let b = s.combine_f32x8(rows4(s, $row(4), $row(5)), rows4(s, $row(6), $row(7)));
+        let c = s.combine_f32x8(rows4(s, $row(8), $row(9)), rows4(s, $row(10), $row(11)));
+        let d = s.combine_f32x8(rows4(s, $row(12), $row(13)), rows4(s, $row(14), $row(15)));
+        let (even, odd) = (s.unzip_low_f32x16(a, b), s.unzip_high_f32x16(a, b));
+        let (even2, odd2) = (s.unzip_low_f32x16(c, d), s.unzip_high_f32x16(c, d));
+        [
+            $F(s.unzip_low_f32x16(even, even2)), $F(s.unzip_low_f32x16(odd, odd2)),
+            $F(s.unzip_high_f32x16(even, even2)), $F(s.unzip_high_f32x16(odd, odd2)),
+        ]
+    }};
+    (@pairs 8 $self:ident $pair:ident $I:ident) => {{
+        let s = $self.0;
+        let a: i32x8<S> = u64x4::from_fn(s, #[inline(always)] |k| $pair(k)).bitcast();
+        let b: i32x8<S> = u64x4::from_fn(s, #[inline(always)] |k| $pair(k + 4)).bitcast();
+        [$I(s.unzip_low_i32x8(a, b)), $I(s.unzip_high_i32x8(a, b))]
+    }};
+    (@pairs 16 $self:ident $pair:ident $I:ident) => {{
+        let s = $self.0;
+        let a: i32x16<S> = u64x8::from_fn(s, #[inline(always)] |k| $pair(k)).bitcast();
+        let b: i32x16<S> = u64x8::from_fn(s, #[inline(always)] |k| $pair(k + 8)).bitcast();
+        [$I(s.unzip_low_i32x16(a, b)), $I(s.unzip_high_i32x16(a, b))]
+    }};
 }
 wide!(By8, F8, I8, M8, f32x8, i32x8, mask32x8, 8);
 wide!(By16, F16, I16, M16, f32x16, i32x16, mask32x16, 16);
@@ -831,6 +889,12 @@ wide!(By16, F16, I16, M16, f32x16, i32x16, mask32x16, 16);
 #[inline(always)]
 fn row8<S: Simd>(s: S, row: &[f32]) -> f32x8<S> {
     f32x8::from_slice(s, &row[..8])
+}
+
+/// Two rows of 4 side by side.
+#[inline(always)]
+fn rows4<S: Simd>(s: S, a: &[f32], b: &[f32]) -> f32x8<S> {
+    s.combine_f32x4(f32x4::from_slice(s, &a[..4]), f32x4::from_slice(s, &b[..4]))
 }
 
 /// Three rounds of riffling rows that lie four apart.

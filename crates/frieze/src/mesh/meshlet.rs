@@ -16,6 +16,8 @@ pub const TRIANGLES: usize = 128;
 const PAD: usize = 16;
 /// Triangles per independent run of the scan: fixed, so that threads don't matter.
 const CHUNK: usize = 1 << 14;
+/// Runs that are done before they are put together: all at once would hold the mesh twice.
+const WAVE: usize = 32;
 
 /// A cluster of triangles of one material slot.
 #[derive(Clone, Debug, PartialEq)]
@@ -88,20 +90,36 @@ impl Meshlets {
         for (slot, triangles) in by_slot(mesh) {
             orders.push((slot, along_a_curve(mesh, triangles)));
         }
-        let chunks: Vec<(u32, &[u64], u32)> = orders
-            .iter()
-            .flat_map(|(slot, (order, mask))| order.chunks(CHUNK).map(move |c| (*slot, c, *mask)))
-            .collect();
-        let parts: Vec<Meshlets> = chunks
-            .into_par_iter()
-            .map(|(slot, order, mask)| {
-                let mut part = Meshlets::default();
-                part.pack(mesh, from, &identity, slot, order.iter().map(|k| *k as u32 & mask));
-                part
-            })
-            .collect();
-        drop(orders);
-        Self::join(parts)
+        let chunks: Vec<(u32, &[u32])> =
+            orders.iter().flat_map(|(slot, order)| order.chunks(CHUNK).map(move |c| (*slot, c))).collect();
+        let mut all = Meshlets::default();
+        for (k, wave) in chunks.chunks(WAVE).enumerate() {
+            let parts: Vec<Meshlets> = wave
+                .into_par_iter()
+                .map(|&(slot, order)| {
+                    let mut part = Meshlets::default();
+                    part.pack(mesh, from, &identity, slot, order);
+                    part
+                })
+                .collect();
+            if k == 0 && chunks.len() > WAVE {
+                // Growing would leave holes: the rest is like the first wave, or a little more.
+                let times = chunks.len().div_ceil(WAVE);
+                let sum = |f: fn(&Meshlets) -> usize| parts.iter().map(f).sum::<usize>() * times * 17 / 16;
+                all.meshlets.reserve_exact(sum(|p| p.meshlets.len()));
+                let positions = sum(|p| p.x.len());
+                all.x.reserve_exact(positions);
+                all.y.reserve_exact(positions);
+                all.z.reserve_exact(positions);
+                all.triangles.reserve_exact(mesh.triangle_count());
+                all.source.reserve_exact(mesh.triangle_count());
+                all.vertices.reserve_exact(sum(|p| p.vertices.len()));
+                all.uv1.reserve_exact(sum(|p| p.uv1.len()));
+                all.colors.reserve_exact(sum(|p| p.colors.len()));
+            }
+            parts.into_iter().for_each(|part| all.append(part));
+        }
+        all
     }
 
     /// Bytes that it takes.
@@ -115,39 +133,22 @@ impl Meshlets {
             + size_of_val(&self.colors[..])) as u64
     }
 
-    fn join(mut parts: Vec<Meshlets>) -> Meshlets {
-        if parts.len() == 1 {
-            return parts.pop().unwrap_or_default();
-        }
-        let mut all = Meshlets::default();
-        let sum = |f: fn(&Meshlets) -> usize| parts.iter().map(f).sum::<usize>();
-        all.meshlets.reserve_exact(sum(|p| p.meshlets.len()));
-        let positions = sum(|p| p.x.len());
-        all.x.reserve_exact(positions);
-        all.y.reserve_exact(positions);
-        all.z.reserve_exact(positions);
-        let triangles = sum(|p| p.triangles.len());
-        all.triangles.reserve_exact(triangles);
-        all.source.reserve_exact(triangles);
-        all.vertices.reserve_exact(sum(|p| p.vertices.len()));
-        for part in parts {
-            let (p, v, t) = (all.x.len() as u32, all.vertices.len() as u32, all.triangles.len() as u32);
-            all.meshlets.extend(part.meshlets.into_iter().map(|m| Meshlet {
-                positions: m.positions + p,
-                vertices: m.vertices + v,
-                triangles: m.triangles + t,
-                ..m
-            }));
-            all.x.extend_from_slice(&part.x);
-            all.y.extend_from_slice(&part.y);
-            all.z.extend_from_slice(&part.z);
-            all.triangles.extend_from_slice(&part.triangles);
-            all.source.extend_from_slice(&part.source);
-            all.vertices.extend_from_slice(&part.vertices);
-            all.uv1.extend_from_slice(&part.uv1);
-            all.colors.extend_from_slice(&part.colors);
-        }
-        all
+    fn append(&mut self, part: Meshlets) {
+        let (p, v, t) = (self.x.len() as u32, self.vertices.len() as u32, self.triangles.len() as u32);
+        self.meshlets.extend(part.meshlets.into_iter().map(|m| Meshlet {
+            positions: m.positions + p,
+            vertices: m.vertices + v,
+            triangles: m.triangles + t,
+            ..m
+        }));
+        self.x.extend_from_slice(&part.x);
+        self.y.extend_from_slice(&part.y);
+        self.z.extend_from_slice(&part.z);
+        self.triangles.extend_from_slice(&part.triangles);
+        self.source.extend_from_slice(&part.source);
+        self.vertices.extend_from_slice(&part.vertices);
+        self.uv1.extend_from_slice(&part.uv1);
+        self.colors.extend_from_slice(&part.colors);
     }
 
     fn pack(
@@ -156,10 +157,10 @@ impl Meshlets {
         from: &Sources<'_>,
         identity: &Identity,
         slot: u32,
-        order: impl Iterator<Item = u32>,
+        order: &[u32],
     ) {
         let mut open = Open::new();
-        for t in order {
+        for &t in order {
             let corners = mesh.triangle(t as usize);
             let ids = corners.map(|c| identity.of(mesh, c));
             if !open.fits(ids) {
@@ -332,9 +333,8 @@ fn by_slot(mesh: &Mesh) -> Vec<(u32, Option<Vec<u32>>)> {
     groups.into_iter().map(|(slot, triangles)| (slot, Some(triangles))).collect()
 }
 
-/// Sort keys along a Morton curve through the centroids: the triangle's number in the bits of the mask, the
-/// curve above.
-fn along_a_curve(mesh: &Mesh, triangles: Option<Vec<u32>>) -> (Vec<u64>, u32) {
+/// Triangles along a Morton curve through their centroids.
+fn along_a_curve(mesh: &Mesh, triangles: Option<Vec<u32>>) -> Vec<u32> {
     let all = mesh.triangle_count();
     let low = (usize::BITS - all.leading_zeros()).min(32);
     let bits = ((64 - low) / 3).min(16);
@@ -343,6 +343,7 @@ fn along_a_curve(mesh: &Mesh, triangles: Option<Vec<u32>>) -> (Vec<u64>, u32) {
     // One scale for all axes, so that cells are cubes.
     let size = (0..3).map(|k| hi[k] - lo[k]).fold(0.0f32, f32::max);
     let scale = if size > 0.0 && size.is_finite() { top / size } else { 0.0 };
+    // The triangle's number in the low bits, the curve above.
     let key = |t: u32| {
         let p = mesh.triangle(t as usize).map(|c| mesh.position(c));
         let mut code = 0u64;
@@ -357,7 +358,8 @@ fn along_a_curve(mesh: &Mesh, triangles: Option<Vec<u32>>) -> (Vec<u64>, u32) {
         None => (0..all as u32).into_par_iter().with_min_len(4096).map(key).collect(),
     };
     keys.par_sort_unstable();
-    (keys, ((1u64 << low) - 1) as u32)
+    let mask = ((1u64 << low) - 1) as u32;
+    keys.iter().map(|&k| k as u32 & mask).collect()
 }
 
 /// Two zero bits after each of the low 16 bits.

@@ -73,8 +73,8 @@ pub struct Piece {
     pub record: u32,
     /// Triangle of its cluster.
     pub triangle: u8,
-    /// Projected corners: x, y in pixels, reversed depth.
-    pub corners: [[f32; 3]; 3],
+    /// Projected corners: x, y in pixels, reversed depth, and a 1.
+    pub corners: [[f32; 4]; 3],
 }
 
 /// Triangles of one record (or one piece) that may touch a tile.
@@ -279,7 +279,7 @@ fn project<L: Lane>(l: L, draw: &Draw<'_>, k: usize, scratch: &mut Scratch, out:
 
 /// To 1/256 pixel, halves up.
 #[inline(always)]
-fn snap<N: Num>(v: N) -> N::Int {
+pub fn snap<N: Num>(v: N) -> N::Int {
     (v * 256.0 + 0.5).floor().to_int()
 }
 
@@ -439,7 +439,7 @@ fn pieces(target: &Target, draw: &Draw<'_>, slot: Slot, k: usize, record: u32, o
             polygon.iter().map(|p| [p[0] / p[3], p[1] / p[3], p[2] / p[3]].map(|v| v as f32)).collect();
         let mut any = false;
         for k in 2..projected.len() {
-            let corners = [projected[0], projected[k - 1], projected[k]];
+            let corners = [projected[0], projected[k - 1], projected[k]].map(|[x, y, z]| [x, y, z, 1.0]);
             let x = corners.map(|c| snap1(c[0]));
             let y = corners.map(|c| snap1(c[1]));
             let area =

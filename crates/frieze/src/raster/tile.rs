@@ -1,7 +1,7 @@
 //! One tile: which triangle, at which depth, each sample sees.
 
 use super::bin::{Bins, Entry};
-use super::geometry::{Class, Draw, snap1};
+use super::geometry::{Class, Draw, Piece, snap, snap1};
 use super::{TILE, Target, sample_positions};
 use crate::math::lane::{Int, Lane, Mask, Num, three};
 
@@ -12,6 +12,8 @@ pub const NOTHING: u32 = u32::MAX;
 
 /// Asked for every sample of a triangle of class [`Cut`](Class::Cut) that would be visible.
 pub trait Cut<L: Lane> {
+    /// Whether there may be such triangles.
+    const ANY: bool = true;
     /// The lanes of `mask` where the triangle is there. `px`, `py`: the samples' places in the picture.
     fn keep(&mut self, l: L, id: u32, px: L::F, py: L::F, mask: L::M) -> L::M;
 }
@@ -20,6 +22,7 @@ pub trait Cut<L: Lane> {
 pub struct Uncut;
 
 impl<L: Lane> Cut<L> for Uncut {
+    const ANY: bool = false;
     #[inline(always)]
     fn keep(&mut self, _: L, _: u32, _: L::F, _: L::F, mask: L::M) -> L::M {
         mask
@@ -53,34 +56,88 @@ impl Place<'_> {
     }
 }
 
-/// A triangle set up for a tile.
+/// Pixels along each side of a block. A tile's samples are stored block by block, row by row of blocks: what lies
+/// side by side in a vector then lies close in the picture, and small triangles touch few blocks.
+pub const BLOCK: u32 = 4;
+
+/// Where the pixel in column `x` and row `y` of a tile is stored.
+#[inline(always)]
+pub fn index(x: u32, y: u32) -> usize {
+    ((y / BLOCK * (TILE / BLOCK) + x / BLOCK) * BLOCK * BLOCK + y % BLOCK * BLOCK + x % BLOCK) as usize
+}
+
+/// Column and row in the tile of the pixel stored at `at`.
+#[inline(always)]
+pub fn pixel<I: Int>(at: I) -> (I, I) {
+    (((at >> 4) & 15) * BLOCK as i32 + (at & 3), (at >> 8) * BLOCK as i32 + ((at >> 2) & 3))
+}
+
+/// Copies row `y` of a tile, 4 bytes a pixel, to a row of a picture, which may end sooner.
+pub fn copy_row(from: &[u8], y: u32, to: &mut [u8]) {
+    let from = &from.as_chunks::<16>().0[index(0, y) / 4..];
+    let (fours, rest) = to.as_chunks_mut::<16>();
+    for (to, from) in fours.iter_mut().zip(from.iter().step_by(4)) {
+        *to = *from;
+    }
+    if !rest.is_empty() {
+        rest.copy_from_slice(&from[4 * fours.len()][..rest.len()]);
+    }
+}
+
+/// A triangle set up for a tile. Coverage is relative to the tile's upper left corner.
+#[derive(Clone, Copy)]
 struct Setup {
     a: [i32; 3],
     b: [i32; 3],
-    /// Edge values at the tile's corner pixel, per edge, in 1/256² pixel, before the sample's offset.
+    /// Edge values at the tile's corner, per edge, in 1/256² pixel, before the sample's offset.
     c: [i64; 3],
     /// Pixels of the tile: x0, y0, x1, y1, inclusive.
     area: [i32; 4],
-    /// Place and depth of the first corner.
+    /// Place in the picture and depth of the first corner.
     origin: [f32; 3],
     slope: [f32; 2],
     range: [f32; 2],
 }
 
+/// A tile, as set-up needs it.
+#[derive(Clone, Copy)]
+struct Frame {
+    /// Upper left pixel.
+    origin: (i32, i32),
+    /// Pixels that are in the picture.
+    size: (i32, i32),
+    /// Smallest and largest offset of a sample in its pixel.
+    range: (i32, i32),
+}
+
+impl Frame {
+    fn new(place: &Place<'_>) -> Self {
+        let (ox, oy) = Bins::origin(place.target, place.tile);
+        let all = sample_positions(place.target.samples).iter().flatten();
+        Frame {
+            origin: (ox as i32, oy as i32),
+            size: ((place.target.width - ox).min(TILE) as i32, (place.target.height - oy).min(TILE) as i32),
+            range: all.fold((255, 0), |(lo, hi), &v| (lo.min(v), hi.max(v))),
+        }
+    }
+}
+
 impl Setup {
-    #[inline(always)]
-    fn new(corners: [[f32; 3]; 3], origin: (i32, i32), size: (i32, i32), range: (i32, i32)) -> Option<Setup> {
-        let x = [snap1(corners[0][0]), snap1(corners[1][0]), snap1(corners[2][0])];
-        let y = [snap1(corners[0][1]), snap1(corners[1][1]), snap1(corners[2][1])];
+    /// Any triangle, in 64-bit integers.
+    #[cold]
+    fn new(corners: &[[f32; 3]; 3], f: &Frame) -> Option<Setup> {
+        let (ox, oy) = (f.origin.0 << 8, f.origin.1 << 8);
+        let x = [snap1(corners[0][0]) - ox, snap1(corners[1][0]) - ox, snap1(corners[2][0]) - ox];
+        let y = [snap1(corners[0][1]) - oy, snap1(corners[1][1]) - oy, snap1(corners[2][1]) - oy];
         let doubled = i64::from(x[1] - x[0]) * i64::from(y[2] - y[0]) - i64::from(x[2] - x[0]) * i64::from(y[1] - y[0]);
         if doubled == 0 {
             return None;
         }
         let area = [
-            (((x[0].min(x[1]).min(x[2]) - range.1 + 255) >> 8) - origin.0).max(0),
-            (((y[0].min(y[1]).min(y[2]) - range.1 + 255) >> 8) - origin.1).max(0),
-            (((x[0].max(x[1]).max(x[2]) - range.0) >> 8) - origin.0).min(size.0 - 1),
-            (((y[0].max(y[1]).max(y[2]) - range.0) >> 8) - origin.1).min(size.1 - 1),
+            ((x[0].min(x[1]).min(x[2]) - f.range.1 + 255) >> 8).max(0),
+            ((y[0].min(y[1]).min(y[2]) - f.range.1 + 255) >> 8).max(0),
+            ((x[0].max(x[1]).max(x[2]) - f.range.0) >> 8).min(f.size.0 - 1),
+            ((y[0].max(y[1]).max(y[2]) - f.range.0) >> 8).min(f.size.1 - 1),
         ];
         if area[0] > area[2] || area[1] > area[3] {
             return None;
@@ -93,32 +150,166 @@ impl Setup {
             b[k] = x[q] - x[p];
             // Top-left rule: a sample on a left edge (x grows inward) or a top edge (y grows inward) is in.
             let inclusive = a[k] > 0 || (a[k] == 0 && b[k] > 0);
-            c[k] = i64::from(a[k]) * i64::from(256 * origin.0 - x[p])
-                + i64::from(b[k]) * i64::from(256 * origin.1 - y[p])
-                - i64::from(!inclusive);
+            c[k] = -(i64::from(a[k]) * i64::from(x[p]) + i64::from(b[k]) * i64::from(y[p]) + i64::from(!inclusive));
         }
-        let [p, q, r] = corners;
-        let (dx1, dy1, dz1) = (q[0] - p[0], q[1] - p[1], q[2] - p[2]);
-        let (dx2, dy2, dz2) = (r[0] - p[0], r[1] - p[1], r[2] - p[2]);
-        let inverse = 1.0 / (dx1 * dy2 - dx2 * dy1);
-        Some(Setup {
-            a,
-            b,
-            c,
-            area,
-            origin: p,
-            slope: [finite((dz1 * dy2 - dz2 * dy1) * inverse), finite((dx1 * dz2 - dx2 * dz1) * inverse)],
-            range: [p[2].min(q[2]).min(r[2]), p[2].max(q[2]).max(r[2])],
-        })
+        let [p, q, r] = *corners;
+        let slope = slope([q[0] - p[0], q[1] - p[1], q[2] - p[2]], [r[0] - p[0], r[1] - p[1], r[2] - p[2]]);
+        let range = [Num::min(Num::min(p[2], q[2]), r[2]), Num::max(Num::max(p[2], q[2]), r[2])];
+        Some(Setup { a, b, c, area, origin: p, slope, range })
     }
 }
 
+/// Change of depth along x and y in the plane of two edges; 0 where it is not finite.
 #[inline(always)]
-fn finite(v: f32) -> f32 {
-    if v.is_finite() { v } else { 0.0 }
+fn slope<N: Num>(d1: [N; 3], d2: [N; 3]) -> [N; 2] {
+    #[inline(always)]
+    fn finite<N: Num>(v: N) -> N {
+        v.or_else(v.abs().lt(v.lift(f32::INFINITY)), v.lift(0.0))
+    }
+    let inverse = (d1[0] * d2[1] - d2[0] * d1[1]).recip();
+    [finite((d1[2] * d2[1] - d2[2] * d1[1]) * inverse), finite((d1[0] * d2[2] - d2[0] * d1[2]) * inverse)]
 }
 
-/// Calls `each(sample, first pixel, mask, depth, px, py)` for every run of covered samples of a triangle, in
+/// Most lanes of any level.
+const MOST: usize = 16;
+
+/// Where the corners of up to [`MOST`] triangles are found.
+struct Corners<'a> {
+    piece: Option<&'a Piece>,
+    vertices: &'a [[f32; 4]],
+    triangles: &'a [[u8; 4]],
+    numbers: [u8; MOST],
+}
+
+impl Corners<'_> {
+    /// x, y and depth of corner `c` of triangle `k`.
+    #[inline(always)]
+    fn get(&self, k: usize, c: usize) -> &[f32] {
+        match self.piece {
+            Some(piece) => &piece.corners[c],
+            None => &self.vertices[usize::from(self.triangles[usize::from(self.numbers[k & (MOST - 1)])][c])],
+        }
+    }
+}
+
+/// Up to [`MOST`] triangles, set up side by side.
+struct Setups {
+    /// a, b, c of three edges, area, and what tiny ones cover.
+    ints: [[i32; MOST]; 14],
+    /// Origin, slope, range.
+    nums: [[f32; MOST]; 7],
+}
+
+impl Setups {
+    #[inline(always)]
+    fn get(&self, k: usize) -> Setup {
+        let (i, n) = (&self.ints, &self.nums);
+        Setup {
+            a: [i[0][k], i[1][k], i[2][k]],
+            b: [i[3][k], i[4][k], i[5][k]],
+            c: [i64::from(i[6][k]), i64::from(i[7][k]), i64::from(i[8][k])],
+            area: [i[9][k], i[10][k], i[11][k], i[12][k]],
+            origin: [n[0][k], n[1][k], n[2][k]],
+            slope: [n[3][k], n[4][k]],
+            range: [n[5][k], n[6][k]],
+        }
+    }
+
+    /// Depth of triangle `k` at a sample in column `x` and row `y` of the tile, as [`scan`] finds it.
+    #[inline(always)]
+    fn depth(&self, k: usize, px: f32, py: f32) -> f32 {
+        let n = &self.nums;
+        let z = (px - n[0][k]) * n[3][k] + ((py - n[1][k]) * n[4][k] + n[2][k]);
+        Num::min(Num::max(z, n[5][k]), n[6][k])
+    }
+
+    /// Sets up one triangle per lane. Returns the lanes that may cover a sample of the tile, those among others
+    /// whose numbers need 64 bits ([`Setup::new`] takes them), and those among the first that are tiny: the
+    /// samples that they cover, of the 2x2 from the corner of their area on, are known.
+    #[inline(always)]
+    fn fill<L: Lane>(&mut self, l: L, corners: &Corners<'_>, f: &Frame) -> (u32, u32, u32) {
+        let [px, py, pz, _] = l.transpose4_from(
+            #[inline(always)]
+            |k| corners.get(k, 0),
+        );
+        let [qx, qy, qz, _] = l.transpose4_from(
+            #[inline(always)]
+            |k| corners.get(k, 1),
+        );
+        let [rx, ry, rz, _] = l.transpose4_from(
+            #[inline(always)]
+            |k| corners.get(k, 2),
+        );
+        let (ox, oy) = (f.origin.0 << 8, f.origin.1 << 8);
+        let (x0, x1, x2) = (snap(px) - ox, snap(qx) - ox, snap(rx) - ox);
+        let (y0, y1, y2) = (snap(py) - oy, snap(qy) - oy, snap(ry) - oy);
+        let (left, right) = (x0.min(x1).min(x2), x0.max(x1).max(x2));
+        let (top, bottom) = (y0.min(y1).min(y2), y0.max(y1).max(y2));
+        let ax0 = ((left - f.range.1 + 255) >> 8).max(l.i(0));
+        let ay0 = ((top - f.range.1 + 255) >> 8).max(l.i(0));
+        let ax1 = ((right - f.range.0) >> 8).min(l.i(f.size.0 - 1));
+        let ay1 = ((bottom - f.range.0) >> 8).min(l.i(f.size.1 - 1));
+        let touches = !(ax0.gt(ax1) | ay0.gt(ay1));
+        // Within 64 pixels of the tile's middle on both axes every product stays below 2^30.
+        let middle = l.i(32 << 8);
+        let reach = (right.max(bottom) - middle).max(middle - left.min(top));
+        let large = touches & reach.gt(l.i(64 << 8));
+        let doubled = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0);
+        let seen = touches & !doubled.eq(l.i(0)) & !large;
+        let turned = doubled.lt(l.i(0));
+        let x = [x0, x2.or_else(turned, x1), x1.or_else(turned, x2)];
+        let y = [y0, y2.or_else(turned, y1), y1.or_else(turned, y2)];
+        let (zero, one) = (l.i(0), l.i(1));
+        let mut least = [l.i(i32::MAX); 4];
+        for k in 0..3 {
+            let n = (k + 1) % 3;
+            let (a, b) = (y[k] - y[n], x[n] - x[k]);
+            // Top-left rule: see Setup::new.
+            let inclusive = a.gt(zero) | (a.eq(zero) & b.gt(zero));
+            let c = zero - (a * x[k] + b * y[k]) - zero.or_else(inclusive, one);
+            a.store(&mut self.ints[k]);
+            b.store(&mut self.ints[3 + k]);
+            c.store(&mut self.ints[6 + k]);
+            let e = c + a * ((ax0 << 8) + f.range.0) + b * ((ay0 << 8) + f.range.0);
+            let (right, below) = (a << 8, b << 8);
+            least[0] = least[0].min(e);
+            least[1] = least[1].min(e + right);
+            least[2] = least[2].min(e + below);
+            least[3] = least[3].min(e + right + below);
+        }
+        // Edge values of samples that close are exact, whatever overflowed on the way.
+        let tiny = seen & (ax1 - ax0).lt(l.i(2)) & (ay1 - ay0).lt(l.i(2));
+        let (two, tall) = (ax1.gt(ax0), ay1.gt(ay0));
+        let inside = [
+            least[0].gt(l.i(-1)),
+            least[1].gt(l.i(-1)) & two,
+            least[2].gt(l.i(-1)) & tall,
+            least[3].gt(l.i(-1)) & two & tall,
+        ];
+        let mut covered = zero;
+        for (k, m) in inside.into_iter().enumerate() {
+            covered = covered | l.i(1 << k).or_else(m, zero);
+        }
+        covered.store(&mut self.ints[13]);
+        let tiny = if f.range.0 == f.range.1 { tiny.bits() } else { 0 };
+        let seen = seen.bits() & (!tiny | covered.gt(zero).bits());
+        ax0.store(&mut self.ints[9]);
+        ay0.store(&mut self.ints[10]);
+        ax1.store(&mut self.ints[11]);
+        ay1.store(&mut self.ints[12]);
+        let [sx, sy] = slope([qx - px, qy - py, qz - pz], [rx - px, ry - py, rz - pz]);
+        px.store(&mut self.nums[0]);
+        py.store(&mut self.nums[1]);
+        pz.store(&mut self.nums[2]);
+        sx.store(&mut self.nums[3]);
+        sy.store(&mut self.nums[4]);
+        pz.min(qz).min(rz).store(&mut self.nums[5]);
+        pz.max(qz).max(rz).store(&mut self.nums[6]);
+        (seen, large.bits(), tiny)
+    }
+}
+
+/// Calls `each(sample, first place, mask, depth, px, py)` for every block of covered samples of a triangle, in
 /// one fixed order.
 #[inline(always)]
 fn scan<L: Lane>(
@@ -126,12 +317,15 @@ fn scan<L: Lane>(
     s: &Setup,
     origin: (i32, i32),
     samples: &[[i32; 2]],
-    mut each: impl FnMut(usize, usize, L::M, L::F, L::F, f32),
+    mut each: impl FnMut(usize, usize, L::M, L::F, L::F, L::F),
 ) {
+    // A vector covers a block of 4x4, the half of one, or a pixel.
+    let (wide, high) = if L::WIDTH >= 4 { (4, L::WIDTH as i32 / 4) } else { (1, 1) };
     let ramp = l.ramp();
-    let rise: [L::I; 3] = [ramp * s.a[0], ramp * s.a[1], ramp * s.a[2]];
+    let (lx, ly) = (ramp & (wide - 1), ramp >> (wide as u32).trailing_zeros());
+    let rise: [L::I; 3] = [lx * s.a[0] + ly * s.b[0], lx * s.a[1] + ly * s.b[1], lx * s.a[2] + ly * s.b[2]];
     let [x0, y0, x1, y1] = s.area;
-    let first = x0 & !(L::WIDTH as i32 - 1);
+    let (first_x, first_y) = (x0 & !(wide - 1), y0 & !(high - 1));
     for (number, offset) in samples.iter().enumerate() {
         // At pixel centres the low 8 bits of an edge value never change, so they may go: values of a tile
         // then fit 32 bits. What is out of reach for the whole tile is clamped.
@@ -143,40 +337,55 @@ fn scan<L: Lane>(
             },
         );
         let (fx, fy) = (offset[0] as f32 / 256.0, offset[1] as f32 / 256.0);
-        for y in y0..=y1 {
-            let py = (origin.1 + y) as f32 + fy;
-            let row = s.origin[2] + s.slope[1] * (py - s.origin[1]);
+        let mut y = first_y;
+        while y <= y1 {
+            let py = (ly + (origin.1 + y)).to_num() + fy;
+            let row = (py - s.origin[1]) * s.slope[1] + s.origin[2];
             let mut e: [i32; 3] = three(
                 #[inline(always)]
-                |k| corner[k] + s.b[k] * y + s.a[k] * first,
+                |k| corner[k] + s.b[k] * y + s.a[k] * first_x,
             );
-            let mut x = first;
+            let mut x = first_x;
+            let mut at = index(x as u32, y as u32);
             while x <= x1 {
                 let inside = (rise[0] + e[0]) | (rise[1] + e[1]) | (rise[2] + e[2]);
                 let mask = inside.gt(l.i(-1));
                 if mask.any() {
-                    let px = (ramp + (origin.0 + x)).to_num() + fx;
+                    let px = (lx + (origin.0 + x)).to_num() + fx;
                     let z = (px - s.origin[0]) * s.slope[0] + row;
                     let z = z.max(l.f(s.range[0])).min(l.f(s.range[1]));
-                    each(number, (y * TILE as i32 + x) as usize, mask, z, px, py);
+                    each(number, at, mask, z, px, py);
                 }
                 for k in 0..3 {
-                    e[k] += s.a[k] * L::WIDTH as i32;
+                    e[k] += s.a[k] * wide;
                 }
-                x += L::WIDTH as i32;
+                x += wide;
+                // The next block; single pixels have to be looked up.
+                at = if wide > 1 { at + (BLOCK * BLOCK) as usize } else { index(x as u32, y as u32) };
             }
+            y += high;
         }
     }
 }
 
-/// Calls `each(setup, id, class)` for every triangle of a tile.
+/// What [`triangles`] finds.
+enum Found<'a> {
+    /// A triangle that may cover samples.
+    Area(&'a Setup),
+    /// A sample and its depth: small solid triangles, where a pixel has one sample.
+    Sample(usize, f32),
+}
+
+/// Calls `each(found, id, class)` for the triangles of a tile, in the order of the bins.
 #[inline(always)]
-fn triangles(place: &Place<'_>, wanted: impl Fn(Class) -> bool, mut each: impl FnMut(&Setup, u32, Class)) {
-    let (ox, oy) = Bins::origin(place.target, place.tile);
-    let origin = (ox as i32, oy as i32);
-    let size = ((place.target.width - ox).min(TILE) as i32, (place.target.height - oy).min(TILE) as i32);
-    let all = sample_positions(place.target.samples).iter().flatten();
-    let range = all.fold((255, 0), |(lo, hi), &v| (lo.min(v), hi.max(v)));
+fn triangles<L: Lane>(
+    l: L,
+    place: &Place<'_>,
+    wanted: impl Fn(Class) -> bool,
+    mut each: impl FnMut(Found<'_>, u32, Class),
+) {
+    let frame = Frame::new(place);
+    let mut setups = Setups { ints: [[0; MOST]; 14], nums: [[0.0; MOST]; 7] };
     for &Entry { part, what, mask } in place.bins.tile(place.tile) {
         // A piece of a clipped triangle goes the same way as the triangles of a cluster: one loop for both keeps
         // what is inlined into it small.
@@ -193,30 +402,58 @@ fn triangles(place: &Place<'_>, wanted: impl Fn(Class) -> bool, mut each: impl F
         let triangles = &mesh.triangles[m.triangles as usize..][..m.triangle_count as usize];
         let mut rest = piece.map_or(mask, |p| 1 << p.triangle);
         while rest != 0 {
-            let t = rest.trailing_zeros();
-            rest &= rest - 1;
-            let corners = match piece {
-                Some(piece) => piece.corners,
-                None => {
-                    let ids = triangles[t as usize];
-                    three(
+            let mut numbers = [0u8; MOST];
+            let mut count = 0;
+            while count < L::WIDTH && rest != 0 {
+                numbers[count] = rest.trailing_zeros() as u8;
+                rest &= rest - 1;
+                count += 1;
+            }
+            let last = numbers[count - 1];
+            numbers[count..].fill(last);
+            let corners = Corners { piece, vertices, triangles, numbers };
+            let (seen, large, tiny) = setups.fill(l, &corners, &frame);
+            let tiny = if r.class == Class::Solid { tiny } else { 0 };
+            let mut lanes = (seen | large) & ((1u64 << count) - 1) as u32;
+            while lanes != 0 {
+                let k = lanes.trailing_zeros() as usize & (MOST - 1);
+                lanes &= lanes - 1;
+                let id = record << 7 | u32::from(numbers[k]);
+                if tiny >> k & 1 != 0 {
+                    let mut covered = setups.ints[13][k];
+                    while covered != 0 {
+                        let n = covered.trailing_zeros();
+                        covered &= covered - 1;
+                        let (x, y) = (setups.ints[9][k] + (n & 1) as i32, setups.ints[10][k] + (n >> 1) as i32);
+                        let center = frame.range.0 as f32 / 256.0;
+                        let px = (frame.origin.0 + x) as f32 + center;
+                        let py = (frame.origin.1 + y) as f32 + center;
+                        let at = index(x as u32, y as u32) & (PIXELS - 1);
+                        each(Found::Sample(at, setups.depth(k, px, py)), id, r.class);
+                    }
+                    continue;
+                }
+                let setup = if large >> k & 1 == 0 {
+                    setups.get(k)
+                } else {
+                    let own = three(
                         #[inline(always)]
-                        |k| {
-                            let v = vertices[usize::from(ids[k])];
+                        |c| {
+                            let v = corners.get(k, c);
                             [v[0], v[1], v[2]]
                         },
-                    )
-                }
-            };
-            if let Some(setup) = Setup::new(corners, origin, size, range) {
-                each(&setup, record << 7 | t, r.class);
+                    );
+                    let Some(setup) = Setup::new(&own, &frame) else { continue };
+                    setup
+                };
+                each(Found::Area(&setup), id, r.class);
             }
         }
     }
 }
 
-/// Draws the solid and cut triangles of a tile. `depth` and `id` hold [`PIXELS`] per sample, sample after
-/// sample, and were filled with 0 and [`NOTHING`] (or with what was drawn before). Nearest wins, then the
+/// Draws the solid and cut triangles of a tile. `depth` and `id` hold [`PIXELS`] per sample (see [`index`]), sample
+/// after sample, and were filled with 0 and [`NOTHING`] (or with what was drawn before). Nearest wins, then the
 /// lower source order. With `IDS` false only depth is kept (shadow maps).
 #[inline(always)]
 pub fn solid<L: Lane, C: Cut<L>, const IDS: bool>(
@@ -232,10 +469,24 @@ pub fn solid<L: Lane, C: Cut<L>, const IDS: bool>(
     let origin = Bins::origin(place.target, place.tile);
     let origin = (origin.0 as i32, origin.1 as i32);
     triangles(
+        l,
         place,
         |class| matches!(class, Class::Solid | Class::Cut),
         #[inline(always)]
-        |setup, new, class| {
+        |found, new, class| {
+            let setup = match found {
+                Found::Area(setup) => setup,
+                Found::Sample(at, z) => {
+                    let first = || place.comes_before(new, id[at]);
+                    if z > depth[at] || (IDS && z == depth[at] && z > 0.0 && first()) {
+                        depth[at] = z;
+                        if IDS {
+                            id[at] = new;
+                        }
+                    }
+                    return;
+                }
+            };
             scan(
                 l,
                 setup,
@@ -246,19 +497,16 @@ pub fn solid<L: Lane, C: Cut<L>, const IDS: bool>(
                     let at = sample * PIXELS + first;
                     let depths = &mut depth[at..at + L::WIDTH];
                     let old = l.load(depths);
-                    let mut pass = mask & z.gt(old);
-                    if class == Class::Cut {
-                        let see = mask & (z.gt(old) | z.eq(old));
-                        if !see.any() {
-                            return;
-                        }
-                        let kept = cut.keep(l, new, px, l.f(py), see);
-                        pass = pass & kept;
-                        if IDS {
-                            ties(l, place, new, kept & z.eq(old) & z.gt(l.f(0.0)), &mut id[at..at + L::WIDTH]);
-                        }
-                    } else if IDS {
-                        ties(l, place, new, mask & z.eq(old) & z.gt(l.f(0.0)), &mut id[at..at + L::WIDTH]);
+                    let mut see = mask & z.ge(old);
+                    if !see.any() {
+                        return;
+                    }
+                    if C::ANY && class == Class::Cut {
+                        see = see & cut.keep(l, new, px, py, see);
+                    }
+                    let pass = see & z.gt(old);
+                    if IDS && see.bits() != pass.bits() {
+                        ties(l, place, new, see & z.eq(old) & z.gt(l.f(0.0)), &mut id[at..at + L::WIDTH]);
                     }
                     if pass.any() {
                         z.or_else(pass, old).store(depths);
@@ -294,7 +542,7 @@ fn ties<L: Lane>(_: L, place: &Place<'_>, new: u32, tie: L::M, ids: &mut [u32]) 
 /// A sample of a layered triangle in front of everything solid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fragment {
-    /// `sample * PIXELS + pixel`.
+    /// `sample * PIXELS +` [`index`] of the pixel.
     pub at: u32,
     /// Triangle.
     pub id: u32,
@@ -318,10 +566,12 @@ pub fn layered<L: Lane>(
     let origin = (origin.0 as i32, origin.1 as i32);
     out.clear();
     triangles(
+        l,
         place,
         |class| class == Class::Layered,
         #[inline(always)]
-        |setup, id, _| {
+        |found, id, _| {
+            let Found::Area(setup) = found else { return };
             if out.len() > limit {
                 return;
             }

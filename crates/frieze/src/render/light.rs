@@ -140,9 +140,8 @@ impl Kernel for Draw<'_, '_> {
         } else {
             tile::solid::<L, _, false>(l, &self.place, &mut tile::Uncut, &mut depth, &mut []);
         }
-        for (row, from) in self.rows.into_iter().zip(depth.chunks(TILE as usize)) {
-            let n = row.len();
-            row.copy_from_slice(&from[..n]);
+        for (y, row) in self.rows.into_iter().enumerate() {
+            tile::copy_row(bytemuck::cast_slice(&depth), y as u32, bytemuck::cast_slice_mut(row));
         }
     }
 }

@@ -1,7 +1,7 @@
 //! From a pixel and a triangle to the interpolated point that is shaded.
 
 use crate::map::Footprint;
-use crate::math::lane::{Lane, Num, three};
+use crate::math::lane::{Int, Lane, Mask, Num, three};
 use crate::math::vec::{Mat4, Vec2, Vec3, Vec4};
 use crate::mesh::meshlet::Meshlets;
 use crate::prepare::{Instance, View};
@@ -43,12 +43,16 @@ pub(super) struct Corners<'t, L: Lane> {
     pub front: L::M,
     /// The distinct triangles, and which of them each lane has.
     triangles: &'t [Triangle; 16],
-    which: [u8; 16],
-    /// All lanes have the same triangle.
-    single: bool,
+    which: [i32; 16],
+    count: usize,
+    /// The lanes of the first ones.
+    masks: [L::M; FEW],
     /// -1 where the bitangent is mirrored.
     sign: L::F,
 }
+
+/// As many distinct triangles are put into lanes one by one; with more it pays to transpose.
+const FEW: usize = 5;
 
 /// What is fetched once per triangle, in rows that lanes are transposed from.
 #[derive(Clone, Copy)]
@@ -95,34 +99,39 @@ impl<'t, L: Lane> Corners<'t, L> {
     /// that are clipped, too, and free of the snapping of coverage.
     #[inline(always)]
     pub fn new(l: L, g: &Group<'_>, lanes: &Lanes<'_, L>, triangles: &'t mut [Triangle; 16]) -> Self {
-        let mut which = [0u8; 16];
-        let mut count = 0;
-        let mut last = None;
-        // Neighbours mostly share a triangle.
-        for k in 0..L::WIDTH {
-            let id = lanes.ids[k];
-            if last != Some(id) {
-                triangles[count] = Triangle::new(g, id);
-                count += 1;
-                last = Some(id);
+        let ids = l.load_i(bytemuck::cast_slice(lanes.ids));
+        let everywhere = ids.eq(ids);
+        let (mut masks, mut number, mut count) = ([everywhere; FEW], l.i(0), 0);
+        let mut left = u32::MAX >> (32 - L::WIDTH as u32);
+        while left != 0 {
+            let id = lanes.ids[left.trailing_zeros() as usize];
+            triangles[count & 15] = Triangle::new(g, id);
+            let same = ids.eq(l.i(id as i32));
+            number = l.i(count as i32).or_else(same, number);
+            if count < FEW {
+                masks[count] = same;
             }
-            which[k] = (count - 1) as u8;
+            left &= !same.bits();
+            count += 1;
         }
-        let single = count == 1;
-        let (c, d) = if single {
-            (splat8(l, &triangles[0].corners), splat8(l, &triangles[0].more))
-        } else {
-            (
-                l.transpose_from(
-                    #[inline(always)]
-                    |k| &triangles[usize::from(which[k] & 15)].corners[..],
-                ),
-                l.transpose_from(
-                    #[inline(always)]
-                    |k| &triangles[usize::from(which[k] & 15)].more[..],
-                ),
-            )
-        };
+        let mut which = [0i32; 16];
+        number.store(&mut which);
+        let c = rows(
+            l,
+            &which,
+            &masks,
+            count,
+            #[inline(always)]
+            |t| &triangles[t & 15].corners,
+        );
+        let d = rows(
+            l,
+            &which,
+            &masks,
+            count,
+            #[inline(always)]
+            |t| &triangles[t & 15].more,
+        );
         let w = [c[2], c[5], d[0]];
         let x = [c[0] - lanes.px * w[0], c[3] - lanes.px * w[1], c[6] - lanes.px * w[2]];
         let y = [c[1] - lanes.py * w[0], c[4] - lanes.py * w[1], c[7] - lanes.py * w[2]];
@@ -162,7 +171,8 @@ impl<'t, L: Lane> Corners<'t, L> {
             front,
             triangles,
             which,
-            single,
+            count,
+            masks,
             sign: d[4],
         }
     }
@@ -209,17 +219,18 @@ impl<'t, L: Lane> Corners<'t, L> {
 
     #[inline(always)]
     fn triangle(&self, k: usize) -> &Triangle {
-        &self.triangles[usize::from(self.which[k] & 15)]
+        &self.triangles[(self.which[k] & 15) as usize]
     }
     /// The eight numbers of corner `c`.
     #[inline(always)]
     fn row(&self, l: L, mesh: &Meshlets, c: usize) -> [L::F; 8] {
-        if self.single {
-            return splat8(l, &mesh.vertices[self.triangles[0].vertices[c] as usize]);
-        }
-        l.transpose_from(
+        rows(
+            l,
+            &self.which,
+            &self.masks,
+            self.count,
             #[inline(always)]
-            |k| &mesh.vertices[self.triangle(k).vertices[c] as usize][..],
+            |t| &mesh.vertices[self.triangles[t & 15].vertices[c] as usize],
         )
     }
     /// Number `k` of corner `c` in an optional stream.
@@ -366,6 +377,31 @@ fn vectors<N: Copy>(a: &[N; 8], b: &[N; 8], c: &[N; 8], k: usize) -> [Vec3<N>; 3
 fn towards<L: Lane>(l: L, view: &View, p: Vec3<L::F>) -> Vec3<L::F> {
     let one = l.f(1.0);
     if view.lens.parallel { (-view.axes[2]).lift(one) } else { (view.eye.lift(one) - p).normalize() }
+}
+
+/// Row `which[k]` of eight numbers in lane `k`, where row `t` of the first [`FEW`] belongs to the lanes `masks[t]`.
+#[inline(always)]
+fn rows<'a, L: Lane>(
+    l: L,
+    which: &[i32; 16],
+    masks: &[L::M; FEW],
+    count: usize,
+    row: impl Fn(usize) -> &'a [f32; 8],
+) -> [L::F; 8] {
+    if count > FEW {
+        return l.transpose_from(
+            #[inline(always)]
+            |k| &row(which[k] as usize)[..],
+        );
+    }
+    let mut out = splat8(l, row(0));
+    for t in 1..count {
+        let (new, m) = (splat8(l, row(t)), masks[t]);
+        for c in 0..8 {
+            out[c] = new[c].or_else(m, out[c]);
+        }
+    }
+    out
 }
 
 /// Eight numbers in all lanes.

@@ -2,10 +2,10 @@
 //! listens.
 
 use super::point::{Corners, Lanes, Triangle};
-use super::tile::{self, Batch, Entry, Holes, Layers, Out, Scratch, group};
+use super::tile::{self, Contents, Entry, Holes, Layers, Out, Scratch, group};
 use super::{Format, Pass, RenderOptions, lamps, looks, plan, scratch_bytes, shadow_bytes};
 use crate::error::{Error, Result};
-use crate::math::lane::One;
+use crate::math::lane::{I1, One};
 use crate::math::vec::Vec3;
 use crate::prepare::{Instance, Prepared, View};
 use crate::raster::geometry::Class;
@@ -164,7 +164,7 @@ impl<'a> Scene<'a> {
         let place = Place { target: &self.view.target, bins: self.bins, draws: self.draws, tile };
         let count = self.view.target.samples as usize;
         let positions = sample_positions(count as u32);
-        let (cuts, layered) = tile::classes(&place);
+        let Contents { cuts, layers: layered, single } = tile::contents(&place);
         let kept = if layered { count } else { 1 };
         let mut scratch = Scratch::default();
         scratch.depth.resize(PIXELS * count, 0.0);
@@ -177,21 +177,20 @@ impl<'a> Scene<'a> {
             raster::solid::<One, _, true>(One, &place, &mut Uncut, &mut scratch.depth, &mut scratch.id);
         }
         // The whole tile is sorted, so that the pixel's triangles are summed in the order of the frame.
-        tile::collect(&place, &mut scratch, count);
-        let wanted: Vec<usize> = (0..step * step)
-            .map(|k| ((y % side * step + k / step) * TILE + x % side * step + k % step) as usize)
-            .collect();
+        tile::collect(One, &place, &mut scratch, count, single);
+        let wanted: Vec<usize> =
+            (0..step * step).map(|k| raster::index(x % side * step + k % step, y % side * step + k / step)).collect();
         let mut pieces: Vec<Piece<'a>> = Vec::new();
         let mut found: Vec<(usize, u32)> = Vec::new();
         for k in 0..scratch.used {
-            let mut batch = std::mem::take(&mut scratch.batches[k]);
-            batch.entries.retain(|e| wanted.contains(&usize::from(e.at)));
-            let from = pieces.len();
-            for e in &batch.entries {
+            let batch = std::mem::take(&mut scratch.batches[k]);
+            for e in batch.filled().chain(batch.entries.iter().copied()).filter(|e| wanted.contains(&usize::from(e.at)))
+            {
                 found.push((usize::from(e.at), e.id));
-                pieces.push(self.piece(&place, e));
+                let piece = self.piece(&place, &e);
+                tile::add(&e, piece.color, &mut scratch.color, count, kept);
+                pieces.push(piece);
             }
-            self.add(&batch, &pieces[from..], &mut scratch, kept);
         }
         let mut samples = Vec::with_capacity(wanted.len() * count);
         for (k, &at) in wanted.iter().enumerate() {
@@ -257,12 +256,6 @@ impl<'a> Scene<'a> {
         }
     }
 
-    /// Adds shaded pieces to the pixel as the renderer does.
-    fn add(&self, batch: &Batch, pieces: &[Piece<'_>], scratch: &mut Scratch, kept: usize) {
-        let shaded: [Vec<f32>; 4] = core::array::from_fn(|c| pieces.iter().map(|p| p.color[c]).collect());
-        tile::spread(batch, &shaded, &mut scratch.color, self.view.target.samples as usize, kept);
-    }
-
     fn piece(&self, place: &Place<'_>, e: &Entry) -> Piece<'a> {
         let record = &self.bins.records[(e.id >> 7) as usize];
         let draw = &self.draws[record.draw as usize];
@@ -271,7 +264,8 @@ impl<'a> Scene<'a> {
         let group = group(self.pass, self.view, &own, e.id);
         let (ox, oy) = Bins::origin(place.target, place.tile);
         let at = |o: u32, k: u32, offset: f32| (o + k) as f32 + offset;
-        let (px, py) = (at(ox, u32::from(e.at) % TILE, e.offset[0]), at(oy, u32::from(e.at) / TILE, e.offset[1]));
+        let (I1(x), I1(y)) = raster::pixel(I1(i32::from(e.at)));
+        let (px, py) = (at(ox, x as u32, e.offset[0]), at(oy, y as u32, e.offset[1]));
         let ids = [e.id; 16];
         let lanes = Lanes { ids: &ids, px, py, active: true };
         let mut triangles = [Triangle::NONE; 16];
@@ -291,7 +285,7 @@ impl<'a> Scene<'a> {
             look: group.look,
             triangle: draw.mesh.source[meshlet.triangles as usize + (e.id & 127) as usize] as usize,
             class: record.class,
-            samples: u32::from(e.samples).count_ones(),
+            samples: u32::from(e.samples).count_ones().min(self.view.target.samples),
             place: [px / step, py / step],
             weights: corners.weights,
             depth: corners.depth,

@@ -4,7 +4,7 @@ use super::lamp::Lights;
 use super::probe::{Note, Probe};
 use super::surface::{Factors, Lit, Look, Surface};
 use crate::math::lane::{Lane, Mask, Num};
-use crate::math::vec::Vec3;
+use crate::math::vec::{Vec3, Vec4};
 use crate::math::{exact, microfacet};
 use core::f32::consts::FRAC_1_PI;
 
@@ -26,8 +26,15 @@ pub(super) struct Place<L: Lane> {
 
 impl<L: Lane> Place<L> {
     #[inline(always)]
-    fn new<P: Probe<L>>(l: L, look: &Look, lights: &Lights<'_>, s: &Surface<L>, probe: &mut P) -> Self {
-        let facing = look.facing(l, s, probe);
+    fn new<P: Probe<L>>(
+        l: L,
+        look: &Look,
+        lights: &Lights<'_>,
+        s: &Surface<L>,
+        texel: Option<Vec4<L::F>>,
+        probe: &mut P,
+    ) -> Self {
+        let facing = look.facing(l, s, texel, probe);
         let geometric = if lights.any_shadow() { s.normal.normalize() } else { facing.normal };
         Place {
             position: s.position,
@@ -105,7 +112,7 @@ pub(super) fn light_blinn_phong<L: Lane, P: Probe<L>>(
 }
 
 /// Rows 4 to 8 and 13: `ka La + kd D + ks S`, emission, and a share of the mirrored environment (row 96;
-/// the environment is the ambient light).
+/// the environment is the ambient light). `normal` is the normal map's texel, if it was asked already.
 #[inline(always)]
 pub(super) fn blinn_phong<L: Lane, P: Probe<L>>(
     l: L,
@@ -113,6 +120,7 @@ pub(super) fn blinn_phong<L: Lane, P: Probe<L>>(
     lights: &Lights<'_>,
     s: &Surface<L>,
     albedo: Vec3<L::F>,
+    normal: Option<Vec4<L::F>>,
     probe: &mut P,
 ) -> Vec3<L::F> {
     let one = l.f(1.0);
@@ -120,7 +128,7 @@ pub(super) fn blinn_phong<L: Lane, P: Probe<L>>(
     let lit = match s.lit {
         Some(lit) => lit,
         None => {
-            let at = Place::new(l, look, lights, s, probe);
+            let at = Place::new(l, look, lights, s, normal, probe);
             let shininess = f.shininess * look.shininess;
             light_blinn_phong(l, lights, &at, shininess, look.exponent, probe)
         }
@@ -248,7 +256,7 @@ pub(super) fn light_pbr<L: Lane, P: Probe<L>>(
 }
 
 /// Metallic-roughness. Ambient light is a constant environment of that radiance: its integral over the specular
-/// lobe is [`microfacet::albedo`], what is left goes to the diffuse lobe.
+/// lobe is [`microfacet::albedo`], what is left goes to the diffuse lobe. `normal` as for [`blinn_phong`].
 #[inline(always)]
 pub(super) fn pbr<L: Lane, P: Probe<L>>(
     l: L,
@@ -256,6 +264,7 @@ pub(super) fn pbr<L: Lane, P: Probe<L>>(
     lights: &Lights<'_>,
     s: &Surface<L>,
     albedo: Vec3<L::F>,
+    normal: Option<Vec4<L::F>>,
     probe: &mut P,
 ) -> Vec3<L::F> {
     let one = l.f(1.0);
@@ -264,7 +273,7 @@ pub(super) fn pbr<L: Lane, P: Probe<L>>(
     let (lit, n_v) = match s.lit {
         Some(lit) => (lit, s.normal.normalize().dot(s.view)),
         None => {
-            let at = Place::new(l, look, lights, s, probe);
+            let at = Place::new(l, look, lights, s, normal, probe);
             (light_pbr(l, lights, &at, &m, probe), at.normal.dot(at.turned(s.view)))
         }
     };

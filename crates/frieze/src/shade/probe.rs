@@ -68,6 +68,8 @@ pub enum Note<L: Lane> {
 
 /// Somebody who may listen.
 pub trait Probe<L: Lane> {
+    /// Whether anybody does: maps are then asked one by one.
+    const LISTENS: bool;
     /// Called at every step; `note` is only made when it is asked for, so silence costs nothing.
     #[inline(always)]
     fn note(&mut self, note: impl FnOnce() -> Note<L>) {
@@ -79,7 +81,9 @@ pub trait Probe<L: Lane> {
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Silent;
 
-impl<L: Lane> Probe<L> for Silent {}
+impl<L: Lane> Probe<L> for Silent {
+    const LISTENS: bool = false;
+}
 
 /// Keeps every note.
 #[derive(Clone, Debug)]
@@ -92,6 +96,8 @@ impl<L: Lane> Default for Recorder<L> {
 }
 
 impl<L: Lane> Probe<L> for Recorder<L> {
+    const LISTENS: bool = true;
+
     fn note(&mut self, note: impl FnOnce() -> Note<L>) {
         self.0.push(note());
     }

@@ -230,6 +230,8 @@ pub struct Look {
     albedo_map: Option<Slot>,
     alpha_map: Option<(Slot, Channel)>,
     normal_map: Option<Tilt>,
+    /// Both are asked in the same place and are of one size.
+    twins: bool,
     /// Maps that differ only in the channel that is taken are asked once.
     others: Vec<(Slot, Vec<Role>)>,
 }
@@ -277,6 +279,17 @@ impl Look {
             add(&m.emissive_map, true, |_| Role::Emissive, Channel::R);
             add(&m.occlusion_map, false, Role::Occlusion, Channel::R);
         }
+        let albedo_map = m.albedo_map.as_ref().map(|t| Slot::new(t, map_of(t, true)));
+        let normal_map = m.normal_map.as_ref().filter(|_| phong || pbr).map(|n| Tilt {
+            slot: Slot::new(&n.texture, map_of(&n.texture, false)),
+            scale: n.scale,
+            y_down: n.y_down,
+            channels: n.channels,
+        });
+        let twins = match (&albedo_map, &normal_map) {
+            (Some(a), Some(n)) => a.uv == n.slot.uv && a.transform == n.slot.transform && a.map.is_twin_of(&n.slot.map),
+            _ => false,
+        };
         let whole = m.shininess >= 0.0 && m.shininess <= 65536.0 && m.shininess.fract() == 0.0;
         let ratio = (1.0 - m.ior) / (1.0 + m.ior);
         Look {
@@ -302,14 +315,10 @@ impl Look {
             vertex_colors: m.vertex_colors,
             frame: m.tangent_frame,
             path: m.tbn_path,
-            albedo_map: m.albedo_map.as_ref().map(|t| Slot::new(t, map_of(t, true))),
+            albedo_map,
             alpha_map: m.alpha_map.as_ref().map(|t| (Slot::new(t, map_of(t, false)), channel(t, Channel::R))),
-            normal_map: m.normal_map.as_ref().filter(|_| phong || pbr).map(|n| Tilt {
-                slot: Slot::new(&n.texture, map_of(&n.texture, false)),
-                scale: n.scale,
-                y_down: n.y_down,
-                channels: n.channels,
-            }),
+            normal_map,
+            twins: twins && m.shading == Shading::Phong,
             others,
         }
     }
@@ -343,13 +352,33 @@ impl Look {
             _ => self.others.iter().find(|(_, roles)| roles[0].name() == name).map(|(slot, _)| slot),
         }
     }
-    /// Albedo and alpha without the alpha map.
+    /// The texels of the albedo and of the normal map, when both can be had at once.
     #[inline(always)]
-    pub(super) fn albedo<L: Lane, P: Probe<L>>(&self, l: L, s: &Surface<L>, probe: &mut P) -> (Vec3<L::F>, L::F) {
+    pub(super) fn texels<L: Lane, P: Probe<L>>(&self, l: L, s: &Surface<L>, _: &P) -> Option<[Vec4<L::F>; 2]> {
+        match (&self.albedo_map, &self.normal_map) {
+            (Some(albedo), Some(tilt)) if self.twins && !P::LISTENS => {
+                let (uv, footprint) = albedo.place(s);
+                Some(albedo.map.both(&tilt.slot.map, l, uv, footprint, s.active))
+            }
+            _ => None,
+        }
+    }
+    /// Albedo and alpha without the alpha map; `texel` is the albedo map's, if it was asked already.
+    #[inline(always)]
+    pub(super) fn albedo<L: Lane, P: Probe<L>>(
+        &self,
+        l: L,
+        s: &Surface<L>,
+        texel: Option<Vec4<L::F>>,
+        probe: &mut P,
+    ) -> (Vec3<L::F>, L::F) {
         let one = l.f(1.0);
         let mut c = Vec3::from(self.albedo).lift(one).extend(l.f(self.opacity));
         if let Some(slot) = &self.albedo_map {
-            c = c * slot.at(l, s, "albedo", probe);
+            c = c * match texel {
+                Some(texel) => texel,
+                None => slot.at(l, s, "albedo", probe),
+            };
         }
         if self.vertex_colors {
             c = c * s.color;
@@ -386,16 +415,25 @@ impl Look {
         }
         f
     }
-    /// The unit normal that is shaded with.
+    /// The unit normal that is shaded with; `texel` is the normal map's, if it was asked already.
     #[inline(always)]
-    pub(super) fn facing<L: Lane, P: Probe<L>>(&self, l: L, s: &Surface<L>, probe: &mut P) -> Facing<L::F> {
+    pub(super) fn facing<L: Lane, P: Probe<L>>(
+        &self,
+        l: L,
+        s: &Surface<L>,
+        texel: Option<Vec4<L::F>>,
+        probe: &mut P,
+    ) -> Facing<L::F> {
         let one = l.f(1.0);
         let Some(tilt) = &self.normal_map else {
             let normal = s.normal.normalize();
             probe.note(|| Note::Normal { mapped: Vec3::new(0.0, 0.0, 1.0).lift(one), shading: normal });
             return Facing { normal, turn: None };
         };
-        let texel = tilt.slot.at(l, s, "normal", probe);
+        let texel = match texel {
+            Some(texel) => texel,
+            None => tilt.slot.at(l, s, "normal", probe),
+        };
         let m = normal::decode(texel, tilt.scale, tilt.y_down, tilt.channels);
         let [t, b, n] = match self.frame {
             // MikkTSpace: interpolated vectors as they are, the sum is normalised (bakers do the same).

@@ -49,6 +49,22 @@ impl Kernel for Transpose {
                 assert_eq!(col.lane(k), (k * 8 + c) as f32);
             }
         }
+        let cols = l.transpose4_from(
+            #[inline(always)]
+            |k| &rows[k][2..6],
+        );
+        for (c, col) in cols.iter().enumerate() {
+            for k in 0..L::WIDTH {
+                assert_eq!(col.lane(k), (k * 8 + c + 2) as f32);
+            }
+        }
+        let [low, high] = l.pairs(
+            #[inline(always)]
+            |k| (k as u64 + 0xffff_ffe0) | (k as u64 + 7) << 32,
+        );
+        for k in 0..L::WIDTH {
+            assert_eq!((low.lane(k), high.lane(k)), (k as i32 - 32, k as i32 + 7));
+        }
     }
 }
 
