@@ -527,7 +527,7 @@ mod tests {
         assert_eq!(faults(&root, &list(&once), &[]).len(), 1, "its test is none of frieze's");
         assert!(fits(&root, &mutant(&once)).is_ok());
         assert!(fits(&root, &mutant("fn ")).unwrap_err().contains("not once"));
-        assert!(fits(&root, &mutant(&["no", "where"].concat())).unwrap_err().contains("0 times"));
+        assert!(fits(&root, &mutant(&["no such", " formula"].concat())).unwrap_err().contains("0 times"));
         // Row 6 has no mutant, its test has none, and there is no such test.
         let all = faults(&root, &list(&once), &rows(&["shade::tests::row_6_nothing"]));
         assert_eq!(all.len(), 4, "{all:?}");
