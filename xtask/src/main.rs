@@ -3,7 +3,9 @@
 //! (`cargo xtask` is `cargo run --package xtask --`, see `.cargo/config.toml`.)
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program that talks")]
 
+mod counts;
 mod golden;
+mod sweep;
 mod tidy;
 
 use std::path::{Path, PathBuf};
@@ -12,6 +14,9 @@ use std::process::ExitCode;
 const HELP: &str = "\
 cargo xtask golden            render the golden pictures anew and show what changed
 cargo xtask golden --accept   the same, and put the changed ones in place: only after a look at them
+cargo xtask counts            count the instructions of six kernels (valgrind) and compare with xtask/counts.txt
+cargo xtask counts --accept   the same, and write the table anew: say why in the commit
+cargo xtask sweep             every scene in full size at every SIMD level and thread count: the same bytes (long)
 cargo xtask tidy              short files, no forbidden words, every document and link that is named exists";
 
 fn main() -> ExitCode {
@@ -20,6 +25,9 @@ fn main() -> ExitCode {
     let result = match words[..] {
         ["golden"] => golden::run(&root(), false),
         ["golden", "--accept"] => golden::run(&root(), true),
+        ["counts"] => counts::run(&root(), false),
+        ["counts", "--accept"] => counts::run(&root(), true),
+        ["sweep"] => sweep::run(),
         ["tidy"] => tidy::run(&root()),
         ["help" | "--help" | "-h"] => {
             println!("{HELP}");
