@@ -139,6 +139,7 @@ Examples:
   frieze render model.glb --camera \"eye=2,1,3 target=0,0.5,0 fov=30\"
   frieze render model.glb --turntable 36 -o turn.png    turn.000.png to turn.035.png
   frieze render model.glb -o planes.exr --aov depth,normal
+  frieze render sample:cubes --light-depth 0 -o dmap.png
   frieze render model.obj --albedo wood.png --normal-map wood_n.png --normal-map-scale 0.5
 
 A model without a camera is framed from the front, a little from the right and above; one without lights
@@ -173,6 +174,12 @@ pub struct Render {
     /// They go into the same .exr, or into files of their own beside a .png. `color` is always written.
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = aov)]
     pub aov: Vec<Plane>,
+    /// Write the depth map of a light (its name or number) instead of the picture: black near the light, white far
+    ///
+    /// One channel, linear: 0 at the near plane of the light's shadow map, 1 at its far plane and where nothing is,
+    /// the metric of a shadow's `bias`. The picture has the size of the map. Directional lights have one.
+    #[arg(long, value_name = "LIGHT", conflicts_with_all = ["size", "samples", "turntable", "aov", "bench", "camera"])]
+    pub light_depth: Option<String>,
     /// Where all materials compute their lighting
     #[arg(long, value_enum, value_name = "HOW")]
     pub shading: Option<Shading>,

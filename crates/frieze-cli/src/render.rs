@@ -1,13 +1,14 @@
 //! `frieze render`: a model or a scene to a picture.
 
-use crate::args::{Common, Later, Maps, Model, Plane, Render, Shading};
+use crate::args::{Common, Later, Maps, Model, Plane, Render, Shading, did_you_mean};
 use crate::bench::{self, Bench};
 use crate::talk::{self, Talk};
 use crate::{preview, source, version, view};
 use frieze::error::Finding;
+use frieze::image::{Encoding, Image, Pixels};
 use frieze::load::LoadOptions;
 use frieze::prepare::Prepared;
-use frieze::render::{Format, RenderOptions, Report, frame};
+use frieze::render::{Format, RenderOptions, Report, frame, light_depth};
 use frieze::scene::{Material, NormalMap, Scene, Texture};
 use frieze::write::WriteOptions;
 use frieze::{Error, Frame, Result};
@@ -90,6 +91,7 @@ pub fn run(a: &Render, common: &Common, talk: &Talk) -> Result<()> {
     let aovs = a.aov.iter().filter_map(|p| if let Plane::Extra(aov) = p { Some(*aov) } else { None }).collect();
     let options =
         RenderOptions { job: job.clone(), level, size, samples: a.samples.unwrap_or(0), camera, format, aovs };
+    let light = a.light_depth.as_deref().map(|word| light(scene, word)).transpose()?;
     let prepared = Prepared::new(scene, &options.job)?;
     // From here on frames are made of what was prepared; large scenes need not be held twice.
     let name = scene.name.clone();
@@ -105,7 +107,10 @@ pub fn run(a: &Render, common: &Common, talk: &Talk) -> Result<()> {
             (c, _) => c.clone(),
         };
         let picture;
-        (picture, report) = frame(&prepared, &RenderOptions { camera, ..options.clone() })?;
+        (picture, report) = match light {
+            None => frame(&prepared, &RenderOptions { camera, ..options.clone() })?,
+            Some(number) => (depth_map(&prepared, number, &options)?, Report::default()),
+        };
         job.check()?;
         clock.lap("render");
         match &target {
@@ -125,6 +130,7 @@ pub fn run(a: &Render, common: &Common, talk: &Talk) -> Result<()> {
         }
     }
     talk.finish();
+    let size = shown.as_ref().map_or(size, |p| (p.color.width(), p.color.height()));
     if let Some(picture) = shown.as_ref().filter(|_| a.preview) {
         let (columns, lines) = terminal_size::terminal_size_of(std::io::stderr())
             .map_or((80, 40), |(w, h)| (u32::from(w.0), u32::from(h.0).saturating_sub(2)));
@@ -164,6 +170,37 @@ pub fn run(a: &Render, common: &Common, talk: &Talk) -> Result<()> {
         )?;
     }
     Ok(())
+}
+
+/// The light of that name or number.
+///
+/// # Errors
+/// `light.unknown`.
+fn light(scene: &Scene, word: &str) -> Result<usize> {
+    let by_name = scene.lights.iter().position(|l| l.name == word);
+    let by_number = || word.parse().ok().filter(|k| *k < scene.lights.len());
+    by_name.or_else(by_number).ok_or_else(|| {
+        let names: Vec<&str> = scene.lights.iter().map(|l| &l.name[..]).filter(|n| !n.is_empty()).collect();
+        let error = Error::arguments("light.unknown", format!("no light is `{word}`{}", did_you_mean(word, &names)));
+        error.remedy(match (scene.lights.len(), names.is_empty()) {
+            (0, _) => "the scene has no lights".to_owned(),
+            (n, true) => format!("its lights have the numbers 0 to {}", n - 1),
+            (n, false) => format!("its lights have the numbers 0 to {}; names are {}", n - 1, names.join(", ")),
+        })
+    })
+}
+
+/// The depth map of a light in the kind of numbers that the file holds, never encoded: a code of 8 bits is
+/// `round(255 depth)`.
+fn depth_map(prepared: &Prepared, number: usize, options: &RenderOptions) -> Result<Frame> {
+    let map = light_depth(prepared, number, options)?;
+    let (width, height) = (map.width(), map.height());
+    let pixels = match (map.into_pixels(), options.format) {
+        (Pixels::F32(v), Format::U8) => Pixels::U8(v.iter().map(|d| (d * 255.0).round() as u8).collect()),
+        (Pixels::F32(v), Format::U16) => Pixels::U16(v.iter().map(|d| (d * 65535.0).round() as u16).collect()),
+        (pixels, _) => pixels,
+    };
+    Ok(Frame { color: Image::new(width, height, 1, pixels, Encoding::Linear)?, planes: Vec::new() })
 }
 
 /// Tells where the picture is.

@@ -457,6 +457,37 @@ fn bench_reports_what_the_contract_says() {
     assert!(!b["counters"].as_object().unwrap().is_empty());
 }
 
+// Row 111: black near the light, white far, linear codes, in every kind of file.
+#[test]
+fn the_depth_map_of_a_light_is_a_picture() {
+    let dir = folder("light-depth");
+    let scene = "version = 1\n[[light]]\nkind = \"directional\"\nposition = [0, 5, 0]\ntarget = [0, 0, 0]\n\
+        shadow = { size = 50, near = 1.0, far = 6.0, extent = 2.0 }\n\
+        [[light]]\nkind = \"directional\"\nposition = [1, 5, 0]\nshadow = false\n\
+        [[object]]\nmesh = { primitive = \"plane\", size = 2.0 }\ntranslate = [0, 3, 0]\n";
+    std::fs::write(dir.join("lid.toml"), scene).unwrap();
+    for (name, bits, slack) in [("d.png", "8", 0.5 / 255.0), ("d16.png", "16", 0.5 / 65535.0), ("d.exr", "8", 0.0)] {
+        let args = ["render", "lid.toml", "--light-depth", "0", "-o", name, "--bits", bits, "--json"];
+        let o = frieze(&dir, &args);
+        assert_eq!(code(&o), 0, "{}", err(&o));
+        assert_eq!(json(&o)["size"], serde_json::json!([50, 50]));
+        let map = frieze::load::image(&dir.join(name), &Default::default()).unwrap().0;
+        assert_eq!((map.width(), map.height()), (50, 50), "{name}");
+        // The lid, 2 m below the light, is the middle half of the map: (2 - 1) / (6 - 1).
+        for (x, y, want) in [(25, 25, 0.2), (13, 36, 0.2), (5, 25, 1.0), (25, 44, 1.0)] {
+            // Rounding to the file's codes, and of single precision.
+            assert!((map.value(x, y, 0) - want).abs() <= slack + 1e-6, "{name} {x},{y}: {}", map.value(x, y, 0));
+        }
+    }
+    let o = frieze(&dir, &["render", "lid.toml", "--light-depth", "0", "-o", "-"]);
+    assert_eq!(o.stdout, std::fs::read(dir.join("d.png")).unwrap());
+    for (light, word) in [("1", "no shadow map"), ("2", "0 to 1"), ("sun", "no light is `sun`")] {
+        let o = frieze(&dir, &["render", "lid.toml", "--light-depth", light, "-o", "x.png"]);
+        assert!(code(&o) == 2 && err(&o).contains(word), "{light}: {}", err(&o));
+    }
+    assert_eq!(code(&frieze(&dir, &["render", "lid.toml", "--light-depth", "0", "--size", "9"])), 2);
+}
+
 #[test]
 fn turntables_are_numbered() {
     let dir = folder("turntable");

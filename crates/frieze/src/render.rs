@@ -1,11 +1,13 @@
 //! `Prepared -> Frame` on the CPU: shadow maps, then tiles from their triangles to their final bytes.
 
 mod aov;
+mod depth;
 mod light;
 mod point;
 mod tile;
 mod trace;
 
+pub use depth::light_depth;
 pub(crate) use trace::{Piece, Trace, trace};
 
 use crate::error::{Error, Result};

@@ -84,6 +84,8 @@ impl ShadowMap {
     fn framed<L: Lane>(&self, l: L, p: Vec3<L::F>, depth: L::F) -> L::F {
         let (stride, margin) = (Self::stride(self.size, self.radius) as i32, Self::margin(self.radius) as i32);
         let depth = depth.max(l.f(0.0));
+        // Beyond far nothing can be in front: no texel is nearer than 1.
+        let depth = l.f(1.0).or_else(p.z.lt(l.f(0.0)), depth);
         let (low, high) = (-(self.radius as f32) - 1.0, (self.size + self.radius) as f32);
         let (x, y) = (p.x.floor().clamp(low, high).to_int(), p.y.floor().clamp(low, high).to_int());
         let r = self.radius as i32;
@@ -181,14 +183,15 @@ impl ShadowMap {
         let texel = |v: f32| Num::clamp(v.floor(), low, high) as i64;
         let (x, y) = (texel(p.x), texel(p.y));
         let asked = p.z + bias;
-        let asked = if self.repeat { asked } else { Num::max(asked, 0.0) };
+        let asked = if self.repeat || asked > 0.0 { asked } else { 0.0 };
+        let beyond = !self.repeat && p.z < 0.0;
         let mut taps = Vec::new();
         for (dy, dx) in (-r..=r).flat_map(|dy| (-r..=r).map(move |dx| (dy, dx))) {
             let wrap = |v: i64| if self.repeat { v.rem_euclid(size) } else { v };
             let (x, y) = (wrap(x + dx), wrap(y + dy));
             let inside = (0..size).contains(&x) && (0..size).contains(&y);
             let depth = if inside { self.texel(x as u32, y as u32) } else { 0.0 };
-            taps.push(ShadowTap { x, y, depth: 1.0 - depth, lit: asked >= depth });
+            taps.push(ShadowTap { x, y, depth: 1.0 - depth, lit: beyond || asked >= depth });
         }
         ShadowTrace { place: [p.x, p.y], depth: 1.0 - p.z, bias, taps }
     }
@@ -237,6 +240,7 @@ mod tests {
             assert_eq!(ask(&map, x, y, z), 1.0, "{x} {y} {z}");
         }
         assert_eq!(ask(&map, -2.0, 2.0, 0.4), 1.0);
+        assert_eq!(ask(&map, 1.0, 2.0, -0.3), 1.0, "beyond far, behind the wall");
     }
 
     #[test]

@@ -102,6 +102,32 @@ fn every_code_is_divided_as_exactly_as_a_division_does() {
     }
 }
 
+// Row 1: asked about all of itself, a map answers with its mean.
+#[test]
+fn row_01_a_range_over_the_whole_image_is_its_mean() {
+    for (w, h) in [(8, 8), (16, 4), (1, 32)] {
+        let image = gray(w, h, |x, y| Noise(x * 131 + y * 1733 + 9).next());
+        let Pixels::F32(values) = image.pixels() else { panic!("floats") };
+        let mean = values.iter().map(|v| f64::from(*v)).sum::<f64>() / values.len() as f64;
+        let whole = round(1.0);
+        for filter in [
+            Filter::MipNearest,
+            Filter::Trilinear,
+            Filter::Ripmap,
+            Filter::Anisotropic { max: 16 },
+            Filter::Supersample { taps: 4096 },
+        ] {
+            let m = map(&image, filter, Wrap::Repeat);
+            // From anywhere: the range wraps.
+            for (u, v) in [(0.5, 0.5), (0.1, 0.8), (0.0, 0.0)] {
+                let got = f64::from(ask(&m, u, v, whole).x);
+                // Row 1 asks for 1e-6; 4096 points on a texture of at most 64 texels fall on a grid that divides it.
+                assert!((got - mean).abs() < 1e-6, "{filter:?} of {w}x{h} at {u} {v}: {got} {mean}");
+            }
+        }
+    }
+}
+
 // Row 39.
 #[test]
 fn row_39_bilinear_is_exact_on_ramps_and_needs_no_order_of_axes() {
