@@ -3,8 +3,10 @@
 //! (`cargo xtask` is `cargo run --package xtask --`, see `.cargo/config.toml`.)
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program that talks")]
 
+mod counts;
 mod golden;
 mod mutants;
+mod sweep;
 mod tidy;
 
 use std::path::{Path, PathBuf};
@@ -15,6 +17,9 @@ cargo xtask golden            render the golden pictures anew and show what chan
 cargo xtask golden --accept   the same, and put the changed ones in place: only after a look at them
 cargo xtask mutants           put small mistakes into a copy of the sources: the tests of each technique must notice
 cargo xtask mutants --row 23  those of one row (may be given again); --list only shows them
+cargo xtask counts            count the instructions of six kernels (valgrind) and compare with xtask/counts.txt
+cargo xtask counts --accept   the same, and write the table anew: say why in the commit
+cargo xtask sweep             every scene in full size at every SIMD level and thread count: the same bytes (long)
 cargo xtask tidy              short files, no forbidden words, every document and link that is named exists";
 
 fn main() -> ExitCode {
@@ -24,6 +29,9 @@ fn main() -> ExitCode {
         ["golden"] => golden::run(&root(), false),
         ["golden", "--accept"] => golden::run(&root(), true),
         ["mutants", ref rest @ ..] => mutants::run(&root(), rest),
+        ["counts"] => counts::run(&root(), false),
+        ["counts", "--accept"] => counts::run(&root(), true),
+        ["sweep"] => sweep::run(),
         ["tidy"] => tidy::run(&root()),
         ["help" | "--help" | "-h"] => {
             println!("{HELP}");

@@ -358,7 +358,7 @@ fn progress_counts_each_tile_once() {
 #[test]
 fn what_cannot_be_drawn_is_an_error_with_a_code() {
     let code = |scene: &Scene, options: &RenderOptions| {
-        let error = frieze::render(scene, options).expect_err("it cannot be drawn");
+        let error = frieze::render(scene, options).map(|_| ()).expect_err("it cannot be drawn");
         assert_eq!(error.fault, Fault::Arguments, "{error}");
         error.code
     };
@@ -397,7 +397,11 @@ fn what_cannot_be_drawn_is_an_error_with_a_code() {
     }
     for (near, far) in [(0.0, 10.0), (-1.0, 10.0), (2.0, 2.0), (3.0, 2.0), (f32::NAN, 10.0), (1.0, f32::NAN)] {
         let camera = Camera { near, far, ..good.cameras[0].clone() };
-        assert_eq!(code(&good, &RenderOptions { camera: Some(camera), ..usual.clone() }), "render.camera", "{near} {far}");
+        assert_eq!(
+            code(&good, &RenderOptions { camera: Some(camera), ..usual.clone() }),
+            "render.camera",
+            "{near} {far}"
+        );
     }
 }
 

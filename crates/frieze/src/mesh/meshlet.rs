@@ -151,14 +151,7 @@ impl Meshlets {
         self.colors.extend_from_slice(&part.colors);
     }
 
-    fn pack(
-        &mut self,
-        mesh: &Mesh,
-        from: &Sources<'_>,
-        identity: &Identity,
-        slot: u32,
-        order: &[u32],
-    ) {
+    fn pack(&mut self, mesh: &Mesh, from: &Sources<'_>, identity: &Identity, slot: u32, order: &[u32]) {
         let mut open = Open::new();
         for &t in order {
             let corners = mesh.triangle(t as usize);
