@@ -293,7 +293,7 @@ fn row_47_supersampling_converges() {
     let m = map(&gray(16, 16, |x, y| x as f32 * y as f32), Filter::Supersample { taps: 64 }, Wrap::Clamp);
     let f = Footprint { dudx: 3.0 / 16.0, dvdx: 1.0 / 16.0, dudy: -1.0 / 16.0, dvdy: 2.0 / 16.0 };
     let (x, y) = (7.3, 6.9);
-    let want = x * y + (3.0 * 1.0 + -1.0 * 2.0) / 12.0 * (63.0 / 64.0);
+    let want = x * y + (3.0 * 1.0 - 1.0 * 2.0) / 12.0 * (63.0 / 64.0);
     let got = ask(&m, (x + 0.5) / 16.0, (y + 0.5) / 16.0, f).x;
     // Places rounded to 1e-6 of a texel, values up to 100.
     assert!((got - want).abs() < 5e-5, "{got} {want}");
