@@ -242,6 +242,26 @@ fn row_23_a_sheet_of_glass_covers_each_sample_exactly_once() {
     }
 }
 
+// Row 23 where edge functions take 64 bits: large triangles that meet in a row and in a column of pixel centres.
+#[test]
+fn row_23_large_triangles_that_meet_on_pixel_centres_cover_each_once() {
+    for (x, y) in [(64.5, 34.5), (10.5, 60.5)] {
+        let mut all = Vec::new();
+        for (x0, x1) in [(-300.0, x), (x, 400.0)] {
+            for (y0, y1) in [(-300.0, y), (y, 400.0)] {
+                let [a, b, c, d] = [[x0, y0, 100.0], [x1, y0, 100.0], [x1, y1, 100.0], [x0, y1, 100.0]];
+                all.extend([[a, b, c], [a, c, d]]);
+            }
+        }
+        let mut scene = bare(flat_camera(130, 70));
+        let look = scene.add_material(glass());
+        scene.add(soup(&all), Mat4::IDENTITY, look);
+        let frame = shoot(&scene, (130, 70), 1, &[]);
+        let wrong = rgba(&frame).iter().position(|c| c[3] != 0.5);
+        assert_eq!(wrong.map(|k| (k % 130, k / 130, rgba(&frame)[k])), None, "{x} {y}");
+    }
+}
+
 /// A camera somewhere around the origin.
 fn around(r: &mut Random, distance: f32) -> Camera {
     let eye = r.direction() * distance;
