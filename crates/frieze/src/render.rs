@@ -47,7 +47,7 @@ pub enum Aov {
     Normal,
     /// Shading normal, view space, unit length.
     ViewNormal,
-    /// Tangent, world space, unit length.
+    /// Tangent, world space, unit length; 0 where the material has no normal map (nothing makes tangents then).
     Tangent,
     /// First UV set.
     Uv,
@@ -261,7 +261,7 @@ fn plan(prepared: &Prepared, options: &RenderOptions) -> Result<Plan> {
 
 /// Bytes of all shadow maps.
 fn shadow_bytes(prepared: &Prepared) -> u64 {
-    prepared.lights.iter().filter_map(|l| l.shadow).map(|s| u64::from(s.size).pow(2) * 4).sum()
+    prepared.lights.iter().filter_map(|l| l.shadow).map(|s| u64::from(light::side(s.size)).pow(2) * 4).sum()
 }
 
 /// Every material that some object shows, with its maps.

@@ -51,6 +51,7 @@ pub(super) fn group<'a>(pass: &'a Pass<'a>, view: &'a View, place: &Place<'a>, i
         draw: &place.draws[r.draw as usize],
         instance: &pass.prepared.instances[r.draw as usize],
         look: &pass.looks[r.look as usize],
+        planes: !pass.aovs.is_empty(),
     }
 }
 
