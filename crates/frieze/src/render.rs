@@ -156,10 +156,12 @@ impl<'a> Pass<'a> {
             .enumerate()
             .map(|(k, instance)| {
                 let inverse = instance.transform.inverse();
+                let colored = !prepared.meshes[instance.mesh].colors.is_empty();
                 let slots = instance.materials.iter().map(|&m| {
                     let look = &self.looks[m];
                     let class = match look.alpha {
                         Alpha::Opaque => Class::Solid,
+                        Alpha::Mask(cutoff) if look.is_solid_at(cutoff, colored) => Class::Solid,
                         Alpha::Mask(_) => Class::Cut,
                         Alpha::Blend if casts => Class::Hidden,
                         Alpha::Blend => Class::Layered,
