@@ -169,7 +169,7 @@ pub struct Render {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub turntable: Option<u32>,
     /// Extra planes beside the colour, with commas between: depth, normal, view-normal, tangent, uv,
-    /// position, object, material, triangle, barycentric, mip-level, texel-density
+    /// position, object, material, triangle, barycentric, mip-level, texel-density; or all
     ///
     /// They go into the same .exr, or into files of their own beside a .png. `color` is always written.
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = aov)]
@@ -281,6 +281,8 @@ pub enum Model {
 pub enum Plane {
     /// The picture itself.
     Color,
+    /// Every extra plane.
+    All,
     /// An extra plane.
     Extra(frieze::render::Aov),
 }
@@ -470,9 +472,12 @@ fn aov(s: &str) -> Result<Plane, String> {
     if s == "color" {
         return Ok(Plane::Color);
     }
+    if s == "all" {
+        return Ok(Plane::All);
+    }
     let all = frieze::render::Aov::ALL;
     all.iter().find(|(name, _)| *name == s).map(|(_, a)| Plane::Extra(*a)).ok_or_else(|| {
-        let names: Vec<_> = std::iter::once("color").chain(all.iter().map(|(n, _)| *n)).collect();
+        let names: Vec<_> = ["color", "all"].into_iter().chain(all.iter().map(|(n, _)| *n)).collect();
         format!("there is no plane `{s}`{}; there are {}", did_you_mean(s, &names), names.join(", "))
     })
 }

@@ -91,7 +91,7 @@ fn scene_text(file: &str, r: &SceneReport) -> String {
     );
     if let Some([lo, hi]) = r.bounds {
         let size: [f32; 3] = core::array::from_fn(|k| hi[k] - lo[k]);
-        let _ = writeln!(t, "  bounds {lo:?} to {hi:?} m, size {size:?} m");
+        let _ = writeln!(t, "  bounds {} to {} m, size {} m", short(&lo), short(&hi), short(&size));
     }
     let more = |t: &mut String, n: usize| {
         if n > MOST {
@@ -107,7 +107,7 @@ fn scene_text(file: &str, r: &SceneReport) -> String {
         let _ = writeln!(t, "; {}", if has.is_empty() { "positions only".to_owned() } else { has.join(", ") });
         for (set, uv) in m.uv.iter().enumerate() {
             let Some(uv) = uv else { continue };
-            let _ = write!(t, "    uv{set} {:?} to {:?}", uv.min, uv.max);
+            let _ = write!(t, "    uv{set} {} to {}", short(&uv.min), short(&uv.max));
             for (n, what) in [
                 (uv.mirrored, "mirrored"),
                 (uv.degenerate, "degenerate"),
@@ -198,4 +198,19 @@ fn image_text(i: &ImageReport) -> String {
         );
     }
     t
+}
+
+#[test]
+fn numbers_for_people_are_short() {
+    assert_eq!(short(&[1.0714779, -0.0, 21489.9, 0.1, -1e-12, 2.5e8]), "[1.07148, -0, 21489.9, 0.1, -0, 250000000]");
+}
+
+/// Numbers for people: six significant digits; `--json` has them all.
+fn short(numbers: &[f32]) -> String {
+    let one = |v: &f32| {
+        let exponent = format!("{v:.5e}").split_once('e').and_then(|(_, e)| e.parse::<i32>().ok()).unwrap_or(0);
+        let text = format!("{v:.*}", (5 - exponent).clamp(0, 9) as usize);
+        if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
+    };
+    format!("[{}]", numbers.iter().map(one).collect::<Vec<_>>().join(", "))
 }

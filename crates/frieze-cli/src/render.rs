@@ -67,7 +67,7 @@ pub fn run(a: &Render, common: &Common, talk: &Talk) -> Result<()> {
     let write = WriteOptions { force, job: job.clone() };
     let planes: Vec<&str> = frieze::render::Aov::ALL
         .iter()
-        .filter(|(_, aov)| a.aov.contains(&Plane::Extra(*aov)))
+        .filter(|(_, aov)| a.aov.contains(&Plane::Extra(*aov)) || a.aov.contains(&Plane::All))
         .map(|(name, _)| *name)
         .collect();
     for path in &paths {
@@ -88,7 +88,12 @@ pub fn run(a: &Render, common: &Common, talk: &Talk) -> Result<()> {
         (None, None, None) => None,
         (choice, _, _) => Some(view::camera(scene, choice.as_ref(), size)?),
     };
-    let aovs = a.aov.iter().filter_map(|p| if let Plane::Extra(aov) = p { Some(*aov) } else { None }).collect();
+    let extra = |p: &Plane| if let Plane::Extra(aov) = p { Some(*aov) } else { None };
+    let aovs = if a.aov.contains(&Plane::All) {
+        frieze::render::Aov::ALL.map(|(_, aov)| aov).to_vec()
+    } else {
+        a.aov.iter().filter_map(extra).collect()
+    };
     let options =
         RenderOptions { job: job.clone(), level, size, samples: a.samples.unwrap_or(0), camera, format, aovs };
     let light = a.light_depth.as_deref().map(|word| light(scene, word)).transpose()?;
@@ -230,7 +235,9 @@ fn say_what_was_written(
             talk.say(format!("{}  ({w}x{h}, {} KB, {took}{odd})", full.display(), bytes.div_ceil(1000)));
             return;
         }
-        (_, [first, .., last]) => format!("{} to {}, {} files", first.display(), last.display(), written.len()),
+        (_, [first, .., last]) => {
+            format!("{} files, from {} to {}", written.len(), first.display(), last.display())
+        }
         (_, []) => return,
     };
     talk.say(format!("{place}  ({w}x{h}, {took}{odd})"));

@@ -126,18 +126,9 @@ impl Prepared {
                 }
             }
         }
-        // 32-byte vertices, positions, indices: about 60 bytes a triangle corner's vertex, and the sort keys.
-        let triangles: u64 = recipes.iter().map(|r| scene.meshes[r.mesh].triangle_count() as u64).sum();
-        let texels: u64 = keys
-            .iter()
-            .map(|k| {
-                let image = &scene.images[k.image];
-                let each =
-                    if image.bytes() > u64::from(image.width()) * u64::from(image.height()) * 4 { 16 } else { 8 };
-                u64::from(image.width()) * u64::from(image.height()) * each * if k.rule.ripmap { 4 } else { 2 }
-            })
-            .sum();
-        let held = job.reserve(triangles * 80 + texels, "the scene's geometry and textures")?;
+        let geometry: u64 = recipes.iter().map(|r| cooked_bytes(&scene.meshes[r.mesh])).sum();
+        let texels: u64 = keys.iter().map(|k| Pyramid::bytes_for(&scene.images[k.image], k.rule)).sum();
+        let held = job.reserve(geometry + texels, "the scene's geometry and textures")?;
         let (meshes, pyramids) = job.run(|| {
             rayon::join(
                 || recipes.par_iter().map(|r| cook(&scene.meshes[r.mesh], r)).collect::<Vec<_>>(),
@@ -215,6 +206,20 @@ fn check(scene: &Scene) -> Result<()> {
         Choice::Camera(k) if k >= scene.cameras.len() => wrong("camera", k),
         _ => Ok(()),
     }
+}
+
+/// Bytes of a cooked mesh and of its sort keys, at most: clusters share few vertices of a mesh that shares many.
+fn cooked_bytes(mesh: &Mesh) -> u64 {
+    let triangles = mesh.triangle_count() as u64;
+    // Attributes with an index of their own may part every corner.
+    let own = |index: Option<bool>| index.unwrap_or(false);
+    let apart = own(mesh.normals.as_ref().map(|a| a.index.is_some()))
+        || own(mesh.tangents.as_ref().map(|a| a.index.is_some()))
+        || own(mesh.colors.as_ref().map(|a| a.index.is_some()))
+        || mesh.uv.iter().flatten().any(|a| a.index.is_some());
+    let most = if apart { 3 * triangles } else { (3 * triangles).min(2 * mesh.positions.len() as u64) };
+    let vertex = 44 + if mesh.uv[1].is_some() { 8 } else { 0 } + if mesh.colors.is_some() { 16 } else { 0 };
+    most * vertex + triangles * 20
 }
 
 fn cook(mesh: &Mesh, recipe: &Recipe) -> Meshlets {

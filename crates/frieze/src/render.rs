@@ -47,7 +47,7 @@ pub enum Aov {
     Normal,
     /// Shading normal, view space, unit length.
     ViewNormal,
-    /// Tangent, world space, unit length.
+    /// Tangent, world space, unit length; 0 where the material has no normal map (nothing makes tangents then).
     Tangent,
     /// First UV set.
     Uv,
@@ -156,10 +156,12 @@ impl<'a> Pass<'a> {
             .enumerate()
             .map(|(k, instance)| {
                 let inverse = instance.transform.inverse();
+                let colored = !prepared.meshes[instance.mesh].colors.is_empty();
                 let slots = instance.materials.iter().map(|&m| {
                     let look = &self.looks[m];
                     let class = match look.alpha {
                         Alpha::Opaque => Class::Solid,
+                        Alpha::Mask(cutoff) if look.is_solid_at(cutoff, colored) => Class::Solid,
                         Alpha::Mask(_) => Class::Cut,
                         Alpha::Blend if casts => Class::Hidden,
                         Alpha::Blend => Class::Layered,
@@ -261,7 +263,7 @@ fn plan(prepared: &Prepared, options: &RenderOptions) -> Result<Plan> {
 
 /// Bytes of all shadow maps.
 fn shadow_bytes(prepared: &Prepared) -> u64 {
-    prepared.lights.iter().filter_map(|l| l.shadow).map(|s| u64::from(s.size).pow(2) * 4).sum()
+    prepared.lights.iter().filter_map(|l| l.shadow).map(|s| u64::from(light::side(s.size)).pow(2) * 4).sum()
 }
 
 /// Every material that some object shows, with its maps.

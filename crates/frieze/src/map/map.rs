@@ -79,6 +79,9 @@ impl Map {
         if self.is_wide() {
             return self.wide::<L, Quiet, false>(l, place, footprint, active, &mut Quiet);
         }
+        if self.filter == Filter::Bicubic && !self.wrap.contains(&Wrap::Border) {
+            return self.bicubic(l, place);
+        }
         let (mut q, mut out) = ([[0.0f32; 16]; 6], [[0.0f32; 16]; 4]);
         let f = footprint;
         for (q, v) in q.iter_mut().zip([place.x, place.y, f.dudx, f.dvdx, f.dudy, f.dvdy]) {
@@ -160,6 +163,25 @@ impl Map {
         [S::finish(fetch::mix4(levels.t, a, c)), u32::finish(fetch::mix4(levels.t, b, d))]
     }
 
+    #[inline(always)]
+    fn bicubic<L: Lane>(&self, l: L, place: Vec2<L::F>) -> Vec4<L::F> {
+        let (s, wrap) = (self.pyramid.mips()[0], self.wrap);
+        match self.pyramid.texels() {
+            Texels::Rgba8(t) => l.enter(
+                #[inline(always)]
+                || u32::finish(area::bicubic(l, t, s, wrap, place)),
+            ),
+            Texels::Rgba16(t) => l.enter(
+                #[inline(always)]
+                || <[u32; 2]>::finish(area::bicubic(l, t, s, wrap, place)),
+            ),
+            Texels::F32(t) => l.enter(
+                #[inline(always)]
+                || <[f32; 4]>::finish(area::bicubic(l, t, s, wrap, place)),
+            ),
+        }
+    }
+
     /// Lane by lane.
     #[inline(never)]
     fn singles(&self, q: &[[f32; 16]; 6], active: u32, out: &mut [[f32; 16]; 4]) {
@@ -195,7 +217,7 @@ impl Map {
 
     /// Whether lanes are filtered side by side; the rest goes lane by lane.
     #[inline(always)]
-    fn is_wide(&self) -> bool {
+    pub(crate) fn is_wide(&self) -> bool {
         let border = self.wrap[0] == Wrap::Border || self.wrap[1] == Wrap::Border;
         let wide = matches!(
             self.filter,

@@ -10,12 +10,13 @@ pub const PIXELS: usize = (TILE * TILE) as usize;
 /// The id of a sample that sees nothing.
 pub const NOTHING: u32 = u32::MAX;
 
-/// Asked for every sample of a triangle of class [`Cut`](Class::Cut) that would be visible.
+/// Asked for samples of triangles of class [`Cut`](Class::Cut) that would be visible.
 pub trait Cut<L: Lane> {
     /// Whether there may be such triangles.
     const ANY: bool = true;
-    /// The lanes of `mask` where the triangle is there. `px`, `py`: the samples' places in the picture.
-    fn keep(&mut self, l: L, id: u32, px: L::F, py: L::F, mask: L::M) -> L::M;
+    /// The lanes of `mask` where triangle `ids[k]` is there; all are of one draw and one look. `px`, `py`: the
+    /// samples' places in the picture.
+    fn keep(&mut self, l: L, ids: &[u32], px: L::F, py: L::F, mask: L::M) -> L::M;
 }
 
 /// For views without such triangles.
@@ -24,7 +25,7 @@ pub struct Uncut;
 impl<L: Lane> Cut<L> for Uncut {
     const ANY: bool = false;
     #[inline(always)]
-    fn keep(&mut self, _: L, _: u32, _: L::F, _: L::F, mask: L::M) -> L::M {
+    fn keep(&mut self, _: L, _: &[u32], _: L::F, _: L::F, mask: L::M) -> L::M {
         mask
     }
 }
@@ -309,7 +310,7 @@ impl Setups {
     }
 }
 
-/// Calls `each(sample, first place, mask, depth, px, py)` for every block of covered samples of a triangle, in
+/// Calls `each(sample, first place, mask, depth)` for every block of covered samples of a triangle, in
 /// one fixed order.
 #[inline(always)]
 fn scan<L: Lane>(
@@ -317,7 +318,7 @@ fn scan<L: Lane>(
     s: &Setup,
     origin: (i32, i32),
     samples: &[[i32; 2]],
-    mut each: impl FnMut(usize, usize, L::M, L::F, L::F, L::F),
+    mut each: impl FnMut(usize, usize, L::M, L::F),
 ) {
     // A vector covers a block of 4x4, the half of one, or a pixel.
     let (wide, high) = if L::WIDTH >= 4 { (4, L::WIDTH as i32 / 4) } else { (1, 1) };
@@ -354,7 +355,7 @@ fn scan<L: Lane>(
                     let px = (lx + (origin.0 + x)).to_num() + fx;
                     let z = (px - s.origin[0]) * s.slope[0] + row;
                     let z = z.max(l.f(s.range[0])).min(l.f(s.range[1]));
-                    each(number, at, mask, z, px, py);
+                    each(number, at, mask, z);
                 }
                 for k in 0..3 {
                     e[k] += s.a[k] * wide;
@@ -468,6 +469,8 @@ pub fn solid<L: Lane, C: Cut<L>, const IDS: bool>(
     let id = if IDS { &mut id[..PIXELS * samples.len()] } else { id };
     let origin = Bins::origin(place.target, place.tile);
     let origin = (origin.0 as i32, origin.1 as i32);
+    let mut pending: Vec<Fragment> = Vec::new();
+    let mut key = (u32::MAX, u32::MAX);
     triangles(
         l,
         place,
@@ -477,32 +480,41 @@ pub fn solid<L: Lane, C: Cut<L>, const IDS: bool>(
             let setup = match found {
                 Found::Area(setup) => setup,
                 Found::Sample(at, z) => {
-                    let first = || place.comes_before(new, id[at]);
-                    if z > depth[at] || (IDS && z == depth[at] && z > 0.0 && first()) {
-                        depth[at] = z;
-                        if IDS {
-                            id[at] = new;
-                        }
-                    }
+                    put::<IDS>(place, at, z, new, depth, id);
                     return;
                 }
             };
+            if C::ANY && class == Class::Cut {
+                let r = &place.bins.records[(new >> 7) as usize];
+                if key != (r.draw, r.look) || pending.len() >= PENDING {
+                    flush::<L, C, IDS>(l, place, cut, &mut pending, depth, id);
+                    key = (r.draw, r.look);
+                }
+            }
             scan(
                 l,
                 setup,
                 origin,
                 samples,
                 #[inline(always)]
-                |sample, first, mask, z, px, py| {
+                |sample, first, mask, z| {
                     let at = sample * PIXELS + first;
                     let depths = &mut depth[at..at + L::WIDTH];
                     let old = l.load(depths);
-                    let mut see = mask & z.ge(old);
+                    let see = mask & z.ge(old);
                     if !see.any() {
                         return;
                     }
                     if C::ANY && class == Class::Cut {
-                        see = see & cut.keep(l, new, px, py, see);
+                        let mut depths = [0.0f32; MOST];
+                        z.store(&mut depths);
+                        let mut bits = see.bits();
+                        while bits != 0 {
+                            let k = bits.trailing_zeros() as usize & (MOST - 1);
+                            bits &= bits - 1;
+                            pending.push(Fragment { at: (at + k) as u32, id: new, depth: depths[k] });
+                        }
+                        return;
                     }
                     let pass = see & z.gt(old);
                     if IDS && see.bits() != pass.bits() {
@@ -518,6 +530,57 @@ pub fn solid<L: Lane, C: Cut<L>, const IDS: bool>(
             );
         },
     );
+    if C::ANY {
+        flush::<L, C, IDS>(l, place, cut, &mut pending, depth, id);
+    }
+}
+
+/// Samples of cut triangles that wait for one another, so that whole vectors of them are asked.
+const PENDING: usize = 1 << 12;
+
+/// Asks for the samples that wait, and draws those that are there.
+#[inline(always)]
+fn flush<L: Lane, C: Cut<L>, const IDS: bool>(
+    l: L,
+    place: &Place<'_>,
+    cut: &mut C,
+    pending: &mut Vec<Fragment>,
+    depth: &mut [f32],
+    id: &mut [u32],
+) {
+    let samples = sample_positions(place.target.samples);
+    let (ox, oy) = Bins::origin(place.target, place.tile);
+    for run in pending.chunks(L::WIDTH) {
+        let (mut ids, mut at) = ([0u32; MOST], [0i32; MOST]);
+        let (mut dx, mut dy) = ([0.0f32; MOST], [0.0f32; MOST]);
+        for k in 0..L::WIDTH {
+            let f = &run[k.min(run.len() - 1)];
+            let offset = samples[f.at as usize / PIXELS];
+            ids[k] = f.id;
+            at[k] = (f.at as usize % PIXELS) as i32;
+            (dx[k], dy[k]) = (offset[0] as f32 / 256.0, offset[1] as f32 / 256.0);
+        }
+        let (x, y) = pixel(l.load_i(&at));
+        let px = (x + ox as i32).to_num() + l.load(&dx);
+        let py = (y + oy as i32).to_num() + l.load(&dy);
+        let mask = l.mask(((1u64 << run.len()) - 1) as u32);
+        let kept = cut.keep(l, &ids[..L::WIDTH], px, py, mask).bits();
+        for (_, f) in run.iter().enumerate().filter(|(k, _)| kept >> k & 1 != 0) {
+            put::<IDS>(place, f.at as usize, f.depth, f.id, depth, id);
+        }
+    }
+    pending.clear();
+}
+
+/// Draws a sample: the nearest wins, then the lower source order.
+#[inline(always)]
+fn put<const IDS: bool>(place: &Place<'_>, at: usize, z: f32, new: u32, depth: &mut [f32], id: &mut [u32]) {
+    if z > depth[at] || (IDS && z == depth[at] && z > 0.0 && place.comes_before(new, id[at])) {
+        depth[at] = z;
+        if IDS {
+            id[at] = new;
+        }
+    }
 }
 
 #[inline(always)]
@@ -581,7 +644,7 @@ pub fn layered<L: Lane>(
                 origin,
                 samples,
                 #[inline(always)]
-                |sample, first, mask, z, _, _| {
+                |sample, first, mask, z| {
                     let at = sample * PIXELS + first;
                     let old = l.load(&solid[at..at + L::WIDTH]);
                     // At equal depth the layer lies on the solid surface: it is seen.

@@ -67,11 +67,16 @@ impl Frustum {
     }
 }
 
+/// Texels along each side of a map that is asked to have `size`.
+pub(super) fn side(size: u32) -> u32 {
+    size.clamp(1, 8192)
+}
+
 /// Draws the shadow map of a directional light; `None` for lights whose shadows need another projection.
 pub(super) fn shadow_map(light: &Light, pass: &Pass<'_>) -> Result<Option<(ShadowMap, Bins)>> {
     let (Some(shadow), LightKind::Directional) = (&light.shadow, light.kind) else { return Ok(None) };
     let frustum = Frustum::new(light, shadow, &pass.prepared.corners());
-    let size = shadow.size.clamp(1, 8192);
+    let size = side(shadow.size);
     let radius = match shadow.filter {
         ShadowFilter::Hard => 0,
         ShadowFilter::Pcf { radius } => radius.min(16),

@@ -26,6 +26,8 @@ pub(super) struct Group<'a> {
     pub draw: &'a Draw<'a>,
     pub instance: &'a Instance,
     pub look: &'a Look,
+    /// Planes are asked for: they show what no map of the look needs, too.
+    pub planes: bool,
 }
 
 /// The corners of the lanes' triangles.
@@ -270,14 +272,14 @@ impl<'t, L: Lane> Corners<'t, L> {
         let facing = (-one).or_else(!self.front, one);
         let normal = self.turned(g, vectors(&a, &b, &c, 0), &g.instance.normals) * facing;
         let zero = l.f(0.0);
-        let (tangent, sign) = if g.look.needs_tangent() {
+        let (tangent, sign) = if g.planes || g.look.needs_tangent() {
             let sign = if g.instance.mirrored { -self.sign } else { self.sign };
             (self.turned(g, vectors(&a, &b, &c, 3), &g.instance.tangents) * facing, sign * facing)
         } else {
             (Vec3::splat(zero), zero)
         };
         let none = (Vec2::splat(zero), Footprint { dudx: zero, dvdx: zero, dudy: zero, dvdy: zero });
-        let first = if g.look.needs_uv(0) { self.uv([a[6], b[6], c[6]], [a[7], b[7], c[7]]) } else { none };
+        let first = if g.planes || g.look.needs_uv(0) { self.uv([a[6], b[6], c[6]], [a[7], b[7], c[7]]) } else { none };
         let second = if g.look.needs_uv(1) && !mesh.uv1.is_empty() {
             let t = &mesh.uv1;
             self.uv(

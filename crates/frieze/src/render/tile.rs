@@ -26,16 +26,15 @@ pub(super) struct Holes<'a> {
 
 impl<L: Lane> Cut<L> for Holes<'_> {
     #[inline(always)]
-    fn keep(&mut self, l: L, id: u32, px: L::F, py: L::F, mask: L::M) -> L::M {
-        let group = group(self.pass, self.view, &self.place, id);
+    fn keep(&mut self, l: L, ids: &[u32], px: L::F, py: L::F, mask: L::M) -> L::M {
+        let group = group(self.pass, self.view, &self.place, ids[0]);
         let Alpha::Mask(cutoff) = group.look.alpha else { return mask };
         l.enter(
             #[inline(always)]
             || {
-                let ids = [id; 16];
-                let lanes = Lanes { ids: &ids, px, py, active: mask };
+                let lanes = Lanes { ids, px, py, active: mask };
                 let surface =
-                    Corners::new(l, &group, &lanes, &mut [Triangle::NONE; 16]).surface(l, &group, None, &lanes);
+                    Corners::new(l, &group, &lanes, &mut [Triangle::NONE; MOST]).surface(l, &group, None, &lanes);
                 mask & shade::alpha(l, group.look, &surface).ge(l.f(cutoff))
             },
         )
@@ -51,6 +50,7 @@ pub(super) fn group<'a>(pass: &'a Pass<'a>, view: &'a View, place: &Place<'a>, i
         draw: &place.draws[r.draw as usize],
         instance: &pass.prepared.instances[r.draw as usize],
         look: &pass.looks[r.look as usize],
+        planes: !pass.aovs.is_empty(),
     }
 }
 
@@ -548,40 +548,55 @@ pub(super) struct Layers {
 }
 
 impl Layers {
-    pub fn new(fragments: &mut [Fragment], positions: &[[i32; 2]]) -> Self {
-        fragments.sort_unstable_by_key(|f| (f.at as usize % PIXELS, f.id, f.at));
+    pub fn new(fragments: &[Fragment], positions: &[[i32; 2]]) -> Self {
         let mut layers = Layers::default();
-        let mut k = 0;
-        while k < fragments.len() {
-            let (at, id) = (fragments[k].at as usize % PIXELS, fragments[k].id);
-            let mut mask = 0u32;
-            while k < fragments.len() && fragments[k].at as usize % PIXELS == at && fragments[k].id == id {
-                let f = &fragments[k];
-                mask |= 1 << (f.at as usize / PIXELS);
-                layers.order.push((f.at, f.depth.to_bits(), id, layers.entries.len() as u32));
-                k += 1;
+        let (mut sorted, starts) = by_place(fragments, PIXELS, |f| f.at as usize % PIXELS);
+        for at in 0..PIXELS {
+            let own = &mut sorted[starts[at] as usize..starts[at + 1] as usize];
+            own.sort_unstable_by_key(|f| (f.id, f.at));
+            for same in own.chunk_by(|a, b| a.id == b.id) {
+                let mask = same.iter().fold(0u32, |m, f| m | 1 << (f.at as usize / PIXELS));
+                let entry = layers.entries.len() as u32;
+                layers.order.extend(same.iter().map(|f| (f.at, f.depth.to_bits(), f.id, entry)));
+                let offset = center(mask, positions);
+                layers.entries.push(Entry {
+                    id: same[0].id,
+                    at: at as u16,
+                    samples: mask as u16,
+                    offset,
+                    first: false,
+                });
             }
-            let offset = center(mask, positions);
-            layers.entries.push(Entry { id, at: at as u16, samples: mask as u16, offset, first: false });
         }
         layers
     }
     /// By draw and look; where each entry of a batch came from.
     fn batches(&self, place: &Place<'_>) -> Vec<(Batch, Vec<u32>)> {
         let mut groups: std::collections::BTreeMap<(u32, u32), (Batch, Vec<u32>)> = Default::default();
-        for (k, e) in self.entries.iter().enumerate() {
+        let key = |e: &Entry| {
             let r = &place.bins.records[(e.id >> 7) as usize];
-            let (batch, members) = groups.entry((r.draw, r.look)).or_default();
-            batch.entries.push(*e);
-            members.push(k as u32);
+            (r.draw, r.look)
+        };
+        // Neighbours mostly are of one material.
+        let mut first = 0;
+        for run in self.entries.chunk_by(|a, b| a.id >> 7 == b.id >> 7 || key(a) == key(b)) {
+            let (batch, members) = groups.entry(key(&run[0])).or_default();
+            batch.entries.extend_from_slice(run);
+            members.extend(first..first + run.len() as u32);
+            first += run.len() as u32;
         }
         groups.into_values().collect()
     }
     /// Far to near; at equal depth the lower source lies on top.
     pub fn sort(&mut self, place: &Place<'_>) {
-        self.order.sort_by(|a, b| {
-            (a.0, a.1).cmp(&(b.0, b.1)).then_with(|| place.comes_before(a.2, b.2).cmp(&place.comes_before(b.2, a.2)))
-        });
+        let places = PIXELS * place.target.samples as usize;
+        let (mut sorted, starts) = by_place(&self.order, places, |o| o.0 as usize);
+        for pair in starts.windows(2) {
+            sorted[pair[0] as usize..pair[1] as usize].sort_unstable_by(|a, b| {
+                a.1.cmp(&b.1).then_with(|| place.comes_before(a.2, b.2).cmp(&place.comes_before(b.2, a.2)))
+            });
+        }
+        self.order = sorted;
     }
     /// Each layer over what is behind, in the order in which [`Layers::sort`] put them.
     pub fn compose(self, colors: &[[f32; 4]], to: &mut [[f32; 4]]) {
@@ -595,6 +610,23 @@ impl Layers {
             to[3] = a + to[3] * (1.0 - a);
         }
     }
+}
+
+/// Sorts by a place below `places`, keeping the order of equal ones; where each place begins, and the end.
+fn by_place<T: Copy>(items: &[T], places: usize, place: impl Fn(&T) -> usize) -> (Vec<T>, Vec<u32>) {
+    let mut starts = vec![0u32; places + 1];
+    items.iter().for_each(|item| starts[place(item) + 1] += 1);
+    for k in 0..places {
+        starts[k + 1] += starts[k];
+    }
+    let mut next = starts.clone();
+    let mut sorted = items.to_vec();
+    for item in items {
+        let at = &mut next[place(item)];
+        sorted[*at as usize] = *item;
+        *at += 1;
+    }
+    (sorted, starts)
 }
 
 /// Composes layered fragments over what is solid. When there are too many at once, the far half of the depth
@@ -622,7 +654,7 @@ fn compose<L: Lane>(
             ranges.push((far, middle));
             continue;
         }
-        let mut layers = Layers::new(&mut fragments, sample_positions(samples as u32));
+        let mut layers = Layers::new(&fragments, sample_positions(samples as u32));
         count.shaded += layers.entries.len() as u64;
         let mut colors = vec![[0.0f32; 4]; layers.entries.len()];
         for (batch, members) in layers.batches(place) {

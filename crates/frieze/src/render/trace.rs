@@ -213,7 +213,7 @@ impl<'a> Scene<'a> {
             }
             let mut fragments = Vec::new();
             raster::layered(One, &place, &depth, (f32::MIN_POSITIVE, f32::MAX), usize::MAX, &mut fragments);
-            let mut layers = Layers::new(&mut fragments, positions);
+            let mut layers = Layers::new(&fragments, positions);
             let from = pieces.len();
             pieces.extend(layers.entries.iter().map(|e| self.piece(&place, e)));
             let colors: Vec<[f32; 4]> = pieces[from..].iter().map(|p| p.color).collect();

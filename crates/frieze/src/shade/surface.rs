@@ -322,6 +322,13 @@ impl Look {
             others,
         }
     }
+    /// Whether alpha is at least `cutoff` wherever it is asked, so that a mask hides nothing. `vertex_colors`: whether
+    /// the mesh has some.
+    pub fn is_solid_at(&self, cutoff: f32, vertex_colors: bool) -> bool {
+        let opaque = self.albedo_map.as_ref().is_none_or(|s| s.map.pyramid.opaque() && s.map.is_wide());
+        let colored = self.vertex_colors && vertex_colors;
+        opaque && self.alpha_map.is_none() && !colored && self.opacity >= cutoff
+    }
     /// Whether [`Surface::tangent`] and [`Surface::sign`] are read.
     pub fn needs_tangent(&self) -> bool {
         self.normal_map.is_some()
