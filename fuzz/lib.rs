@@ -2,7 +2,7 @@
 //! with a scene that could be loaded.
 
 use frieze::job::Job;
-use frieze::load::{LoadOptions, Loaded, load};
+use frieze::load::{LoadOptions, Loaded, load, load_bytes};
 use frieze::render::{RenderOptions, render};
 use frieze::{Error, Result, Scene};
 use std::fs;
@@ -16,7 +16,7 @@ pub mod promises;
 const BUDGET: u64 = 64 << 20;
 
 /// One thread, so that an execution is the same each time, and a small budget.
-pub fn options() -> &'static LoadOptions {
+fn options() -> &'static LoadOptions {
     static OPTIONS: OnceLock<LoadOptions> = OnceLock::new();
     OPTIONS.get_or_init(|| {
         hook();
@@ -72,7 +72,7 @@ impl Folder {
     }
     /// Loads a file and goes on with what it holds.
     pub fn load(&self, name: &str) {
-        follow(load(&self.0.join(name), options()));
+        within(|| load(&self.0.join(name), options()));
     }
     /// The folder of the process.
     pub fn get() -> &'static Folder {
@@ -87,8 +87,18 @@ impl Default for Folder {
     }
 }
 
+/// Loads a model from memory and goes on with what it holds.
+pub fn model(kind: &str, data: &[u8]) {
+    within(|| load_bytes(kind, data, options()));
+}
+
+/// All of it on the job's thread: to pass work from thread to thread takes long on a busy machine.
+fn within(load: impl FnOnce() -> Result<Loaded> + Send) {
+    options().job.run(|| follow(load()));
+}
+
 /// Checks an error's promises, or those of a scene; small scenes are rendered.
-pub fn follow(result: Result<Loaded>) {
+fn follow(result: Result<Loaded>) {
     match result {
         Ok(loaded) => {
             promises::check(&loaded.scene);
@@ -102,7 +112,7 @@ pub fn follow(result: Result<Loaded>) {
 }
 
 /// An error has a code and a message.
-pub fn told(e: &Error) {
+fn told(e: &Error) {
     assert!(e.code.contains('.') && !e.message.is_empty(), "{e:?}");
 }
 
@@ -129,13 +139,13 @@ fn draw(mut scene: Scene) {
 pub fn picture(bytes: &[u8]) {
     let job = &options().job;
     let name = if nameless(bytes) { "a.tga" } else { "a.png" };
-    match job.run(|| frieze::load::decode::image(bytes, Path::new(name), job)) {
+    match frieze::load::decode::image(bytes, Path::new(name), job) {
         Ok((image, _)) => {
             assert!(image.width() > 0 && image.height() > 0 && (1..=4).contains(&image.channels()));
             if u64::from(image.width()) * u64::from(image.height()) <= 1 << 12 {
                 let rgba = image.rgba(image.width() - 1, image.height() - 1);
                 assert!(rgba.iter().all(|v| v.is_finite()), "{rgba:?}");
-                job.run(|| frieze::image::pyramid::Pyramid::new(&image, true));
+                frieze::image::pyramid::Pyramid::new(&image, true);
             }
         }
         Err(e) => told(&e),

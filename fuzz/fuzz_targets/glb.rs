@@ -2,13 +2,12 @@
 //! GLB with the right lengths, so that what is inside is reached.
 #![no_main]
 
-use frieze::load::load_bytes;
-use frieze_fuzz::{follow, halves, options};
+use frieze_fuzz::{halves, model};
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|data: &[u8]| {
     if data.starts_with(b"glTF") {
-        follow(load_bytes("glb", data, options()));
+        model("glb", data);
     } else {
         let (json, bin) = halves(data);
         let mut out = b"glTF\x02\0\0\0".to_vec();
@@ -18,6 +17,6 @@ fuzz_target!(|data: &[u8]| {
             out.extend(kind);
             out.extend(chunk);
         }
-        follow(load_bytes("glb", &out, options()));
+        model("glb", &out);
     }
 });

@@ -1,10 +1,9 @@
 //! STL models.
 #![no_main]
 
-use frieze::load::load_bytes;
-use frieze_fuzz::{follow, options};
+use frieze_fuzz::model;
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|data: &[u8]| {
-    follow(load_bytes("stl", data, options()));
+    model("stl", data);
 });
