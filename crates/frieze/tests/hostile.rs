@@ -236,6 +236,8 @@ fn small_files_that_ask_for_much() {
 
 #[test]
 fn pictures_that_say_to_be_more_than_they_are() {
+    use exr::prelude::{AnyChannel, AnyChannels, Blocks, Compression, Encoding, FlatSamples, Image, Layer};
+    use exr::prelude::{LayerAttributes, LineOrder, SpecificChannels, Vec2, WritableImage};
     let code = |bytes: &[u8], name: &str| {
         decode::image(bytes, Path::new(name), &options().job).map_or_else(|e| e.code, |_| "decoded")
     };
@@ -259,9 +261,13 @@ fn pictures_that_say_to_be_more_than_they_are() {
     let inner = [&[0; 16][..], b"VP8 ", &14u32.to_le_bytes(), &frame].concat();
     let animation = riff(&[(b"VP8X", 10, &head(2)), (b"ANIM", 6, &[0; 6]), (b"ANMF", inner.len() as u32, &inner)]);
     assert_eq!(code(&animation, "a.webp"), "job.memory");
+    // So many channels that comparing their names would take minutes.
+    let channel = |k: u32| AnyChannel::new(format!("{k}.Z").as_str(), FlatSamples::U32(vec![k]));
+    let channels = AnyChannels::sort((0..5000).map(channel).collect());
+    let mut exr = std::io::Cursor::new(Vec::new());
+    Image::from_channels((1, 1), channels).write().to_buffered(&mut exr).unwrap();
+    assert_eq!(code(&exr.into_inner(), "a.exr"), "image.unsupported");
     // Blocks of B44 with wrong shifts overflow in the decoder's arithmetic, which panics where that is checked.
-    use exr::prelude::{Blocks, Compression, Encoding, Image, Layer, LayerAttributes, LineOrder};
-    use exr::prelude::{SpecificChannels, Vec2, WritableImage};
     let b44 = Encoding { compression: Compression::B44, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing };
     let grey = |p: Vec2<usize>| (half::f16::from_f32((p.x() * 7 % 5 + p.y()) as f32),);
     let channels = SpecificChannels::build().with_channel("Y").with_pixel_fn(grey);
