@@ -254,6 +254,9 @@ pub fn print_json_bug(exit: u8) {
 
 /// The panic hook: a panic is a bug of ours, never of the file, and the reader can help to mend it.
 pub fn report_bug(info: &PanicHookInfo<'_>) {
+    if frieze::load::decode::is_guarded() {
+        return; // it becomes an error that names the file
+    }
     let cause = info.payload();
     let cause = cause.downcast_ref::<&str>().copied().or(cause.downcast_ref::<String>().map(String::as_str));
     let at = info.location().map(|l| format!(" ({}:{})", l.file(), l.line())).unwrap_or_default();

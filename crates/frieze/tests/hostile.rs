@@ -1,56 +1,22 @@
 //! Files that are broken or mean harm: each gives a scene that keeps its promises, or an error; never a panic,
 //! never more memory than was allowed. Law 9.
 
-use frieze::load::{LoadOptions, Loaded, load, load_bytes};
-use frieze::{Job, Result, Scene};
+#[path = "hostile/corpus.rs"]
+mod corpus;
+#[path = "hostile/promises.rs"]
+mod promises;
+
+use corpus::{corpus, document, glb};
+use frieze::load::{LoadOptions, Loaded, decode, load, load_bytes};
+use frieze::{Job, Result};
+use promises::check;
 use serde_json::{Value, json};
+use std::path::Path;
 
 const BUDGET: u64 = 64 << 20;
 
 fn options() -> LoadOptions {
     LoadOptions { job: Job::builder().threads(2).memory(BUDGET).build(), ..LoadOptions::default() }
-}
-
-/// What loaders promise of every scene.
-fn check(scene: &Scene) {
-    for mesh in &scene.meshes {
-        assert!(mesh.positions.iter().flatten().all(|v| v.is_finite()));
-        assert!(mesh.corners.iter().all(|&c| (c as usize) < mesh.positions.len()));
-        match &mesh.polygons {
-            None => assert_eq!(mesh.corners.len() % 3, 0),
-            Some(p) => {
-                assert_eq!(*p.starts.last().unwrap() as usize, mesh.corners.len());
-                assert!(p.starts.windows(2).all(|w| w[0] + 3 <= w[1]));
-                assert_eq!(p.triangles.len(), p.face_of.len());
-                for (t, &f) in p.triangles.iter().zip(&p.face_of) {
-                    let face = p.starts[f as usize]..p.starts[f as usize + 1];
-                    assert!(t.iter().all(|c| face.contains(c)));
-                }
-            }
-        }
-        let corners = mesh.corners.len();
-        let attribute = |index: Option<&Vec<u32>>, len: usize| match index {
-            Some(index) => assert!(index.len() == corners && index.iter().all(|&k| (k as usize) < len)),
-            None => assert_eq!(len, mesh.positions.len()),
-        };
-        mesh.normals.iter().for_each(|a| attribute(a.index.as_ref(), a.values.len()));
-        mesh.uv.iter().flatten().for_each(|a| attribute(a.index.as_ref(), a.values.len()));
-        mesh.colors.iter().for_each(|a| attribute(a.index.as_ref(), a.values.len()));
-        mesh.tangents.iter().for_each(|a| attribute(a.index.as_ref(), a.values.len()));
-        assert!(mesh.normals.iter().flat_map(|a| &a.values).flatten().all(|v| v.is_finite()));
-        assert!(mesh.uv.iter().flatten().flat_map(|a| &a.values).flatten().all(|v| v.is_finite()));
-        assert!(mesh.materials.is_empty() || mesh.materials.len() == mesh.face_count());
-    }
-    for object in &scene.objects {
-        let mesh = &scene.meshes[object.mesh];
-        assert!(object.materials.iter().all(|&m| m < scene.materials.len()));
-        let slots = mesh.materials.iter().max().map_or(1, |&m| m as usize + 1);
-        assert!(object.materials.len() >= slots);
-        assert!(object.transform.0.iter().flatten().all(|v| v.is_finite()));
-    }
-    for (texture, _) in scene.materials.iter().flat_map(|m| m.textures()) {
-        assert!(texture.image < scene.images.len() && texture.uv < 2);
-    }
 }
 
 /// Loads; says which case it was when that panics or breaks a promise.
@@ -64,144 +30,6 @@ fn attempt(kind: &str, bytes: &[u8], options: &LoadOptions, case: impl Fn() -> S
         result
     };
     std::panic::catch_unwind(std::panic::AssertUnwindSafe(run)).unwrap_or_else(|_| panic!("{kind}: {}", case()))
-}
-
-fn base64(bytes: &[u8]) -> String {
-    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let mut out = String::new();
-    for group in bytes.chunks(3) {
-        let word = group.iter().enumerate().fold(0u32, |w, (k, &b)| w | u32::from(b) << (16 - 8 * k));
-        for k in 0..4 {
-            out.push(if k <= group.len() { DIGITS[(word >> (18 - 6 * k) & 63) as usize] as char } else { '=' });
-        }
-    }
-    out
-}
-
-/// Two triangles with everything that a glTF file of ours can have, and its buffer.
-fn document() -> (Value, Vec<u8>) {
-    let mut bin = Vec::new();
-    let mut views = Vec::new();
-    let mut add = |bytes: &[u8], stride: Option<u32>| {
-        bin.resize(bin.len().next_multiple_of(4), 0);
-        let mut view = json!({"buffer": 0, "byteOffset": bin.len(), "byteLength": bytes.len()});
-        if let Some(stride) = stride {
-            view["byteStride"] = json!(stride);
-        }
-        bin.extend_from_slice(bytes);
-        views.push(view);
-    };
-    let floats = |v: &[f32]| v.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>();
-    add(&floats(&[0., 0., 0., 1., 0., 0., 0., 1., 0., 1., 1., 0.]), None);
-    add(&[0, 1, 2, 2, 1, 3], None);
-    add(&floats(&[0., 0., 1., 0., 0., 0., 0., 1., 1., 0., 0., 0., 1., 0., 1., 0., 0., 1., 1., 1.]), Some(20));
-    add(&[2, 0], None);
-    add(&floats(&[0., 1., 0.25]), None);
-    let mut png = Vec::new();
-    png::Encoder::new(&mut png, 2, 2).write_header().unwrap().write_image_data(&[1, 2, 3, 4]).unwrap();
-    add(&png, None);
-    let json = json!({
-        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0, 2]}],
-        "extensionsUsed": ["KHR_lights_punctual", "KHR_texture_transform"],
-        "extensions": {"KHR_lights_punctual": {"lights": [{"type": "spot", "spot": {"outerConeAngle": 0.5}}]}},
-        "nodes": [
-            {"children": [1], "translation": [1, 2, 3], "extensions": {"KHR_lights_punctual": {"light": 0}}},
-            {"mesh": 0, "rotation": [0, 0, 0, 1], "scale": [1, -1, 1]},
-            {"camera": 0, "matrix": [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 5, 1]},
-        ],
-        "cameras": [{"type": "perspective", "perspective": {"yfov": 1.0, "znear": 0.1}}],
-        "meshes": [{"primitives": [
-            {"attributes": {"POSITION": 0, "NORMAL": 2, "TEXCOORD_0": 3}, "indices": 1, "material": 0},
-            {"attributes": {"POSITION": 0, "NORMAL": 2, "TEXCOORD_0": 3}, "indices": 1, "mode": 5},
-        ]}],
-        "accessors": [
-            {"bufferView": 0, "componentType": 5126, "type": "VEC3", "count": 4, "sparse": {"count": 1,
-                "indices": {"bufferView": 3, "componentType": 5123}, "values": {"bufferView": 4}}},
-            {"bufferView": 1, "componentType": 5121, "type": "SCALAR", "count": 6},
-            {"bufferView": 2, "componentType": 5126, "type": "VEC3", "count": 4},
-            {"bufferView": 2, "byteOffset": 12, "componentType": 5126, "type": "VEC2", "count": 4},
-        ],
-        "bufferViews": views, "buffers": [{"byteLength": bin.len()}],
-        "images": [{"bufferView": 5, "mimeType": "image/png"}], "samplers": [{"wrapS": 33071}],
-        "textures": [{"source": 0, "sampler": 0}],
-        "materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0, "extensions":
-            {"KHR_texture_transform": {"scale": [2, 2]}}}}, "normalTexture": {"index": 0, "scale": 0.5}}],
-    });
-    (json, bin)
-}
-
-fn glb(json: &Value, bin: &[u8]) -> Vec<u8> {
-    let mut text = json.to_string().into_bytes();
-    text.resize(text.len().next_multiple_of(4), b' ');
-    let mut out = b"glTF\x02\0\0\0".to_vec();
-    out.extend(((28 + text.len() + bin.len()) as u32).to_le_bytes());
-    for (kind, chunk) in [(b"JSON", &text[..]), (b"BIN\0", bin)] {
-        out.extend((chunk.len() as u32).to_le_bytes());
-        out.extend(kind);
-        out.extend(chunk);
-    }
-    out
-}
-
-/// A valid file of every kind.
-fn corpus() -> Vec<(&'static str, Vec<u8>)> {
-    let (mut json, bin) = document();
-    let glb = glb(&json, &bin);
-    json["buffers"][0]["uri"] = json!(format!("data:application/octet-stream;base64,{}", base64(&bin)));
-    let gltf = json.to_string().into_bytes();
-    let obj = "mtllib a.mtl\no first\nv 0 0 0 1 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv .5 .5 .1\nvt 0 0\nvt 1 0\nvn 0 0 1\ns 1\n\
-               usemtl a\nf 1/1/1 2/2/1 3/1/1 4/2/1\ng x\nf -1//-1 -2//-1 \\\n -3//-1\no second\nusemtl b\nf 1 2 3\n\
-               f 1 2 5 3 4\n";
-    let head = |format: &str| {
-        format!(
-            "ply\nformat {format} 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
-             property uchar red\nproperty uchar green\nproperty uchar blue\nelement face 2\n\
-             property list uchar int vertex_indices\nproperty list uchar float texcoord\nelement other 1\n\
-             property list int short a\nproperty double b\nend_header\n"
-        )
-        .into_bytes()
-    };
-    let mut ascii = head("ascii");
-    ascii.extend(b"0 0 0 1 2 3\n1 0 0 1 2 3\n1 1 0 1 2 3\n0 1 0 1 2 3\n4 0 1 2 3 2 0 0\n3 0 1 2 0\n1 7 2.5\n");
-    let mut ply = vec![("ply", ascii)];
-    for big in [false, true] {
-        let mut out = head(if big { "binary_big_endian" } else { "binary_little_endian" });
-        let float = |v: f32| if big { v.to_be_bytes() } else { v.to_le_bytes() };
-        let int = |v: i32| if big { v.to_be_bytes() } else { v.to_le_bytes() };
-        for p in [[0., 0., 0.], [1., 0., 0.], [1., 1., 0.], [0., 1., 0.]] {
-            p.iter().for_each(|&v: &f32| out.extend(float(v)));
-            out.extend([1, 2, 3]);
-        }
-        for face in [&[0, 1, 2, 3][..], &[0, 2, 1]] {
-            out.push(face.len() as u8);
-            face.iter().for_each(|&v| out.extend(int(v)));
-            out.push(2);
-            out.extend([float(0.5), float(0.5)].as_flattened());
-        }
-        out.extend(int(0));
-        out.extend([0; 8]);
-        ply.push(("ply", out));
-    }
-    let plain = b"ply\nformat binary_little_endian 1.0\nelement vertex 3\nproperty float x\nproperty float y\n\
-                  property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n";
-    let mut plain = plain.to_vec();
-    plain.extend([0f32, 0., 0., 1., 0., 0., 0., 1., 0.].iter().flat_map(|v| v.to_le_bytes()));
-    plain.push(3);
-    plain.extend([0i32, 1, 2].iter().flat_map(|v| v.to_le_bytes()));
-    ply.push(("ply", plain));
-    let mut stl = b"solid in name only".to_vec();
-    stl.resize(80, 0);
-    stl.extend(2u32.to_le_bytes());
-    for k in 0..2 {
-        let facet = [0., 0., 1., 0., 0., 0., 1., 0., 0., 0., 1., k as f32];
-        stl.extend(facet.iter().flat_map(|v| v.to_le_bytes()));
-        stl.extend([0; 2]);
-    }
-    let facet = "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n";
-    let text = format!("solid a\n{facet}{facet}endsolid a\n").into_bytes();
-    let mut all = vec![("glb", glb), ("gltf", gltf), ("obj", obj.as_bytes().to_vec()), ("stl", stl), ("stl", text)];
-    all.extend(ply);
-    all
 }
 
 struct Random(u64);
@@ -360,6 +188,115 @@ fn documents_that_bite_their_tail_or_grow() {
     let obj = format!("v 0 0 0\nv 1 0 0\nv 0 1 0\n{objects}");
     let _ = attempt("obj", obj.as_bytes(), &options, || "objects".into());
     memory_was_kept();
+}
+
+#[test]
+fn small_files_that_ask_for_much() {
+    // One picture of 16 MiB that packs to a few KiB, in a buffer that eight images share.
+    let (mut json, mut bin) = document();
+    let mut png = Vec::new();
+    let mut encoder = png::Encoder::new(&mut png, 2048, 2048);
+    encoder.set_color(png::ColorType::Rgba);
+    encoder.write_header().unwrap().write_image_data(&vec![7; 2048 * 2048 * 4]).unwrap();
+    bin.resize(bin.len().next_multiple_of(4), 0);
+    let view = json!({"buffer": 0, "byteOffset": bin.len(), "byteLength": png.len()});
+    bin.extend(&png);
+    json["buffers"][0]["byteLength"] = json!(bin.len());
+    json["bufferViews"].as_array_mut().unwrap().push(view);
+    let list = |one: &dyn Fn(usize) -> Value| (0..8).map(one).collect::<Vec<_>>();
+    json["images"] = json!(list(&|_| json!({"bufferView": 6})));
+    json["textures"] = json!(list(&|k| json!({"source": k})));
+    json["materials"] = json!(list(&|k| json!({"emissiveTexture": {"index": k}})));
+    json["meshes"] = json!([{"primitives": list(&|k| json!({"attributes": {"POSITION": 0}, "material": k}))}]);
+    let error = attempt("glb", &glb(&json, &bin), &options(), || "pictures".into()).unwrap_err();
+    assert_eq!(error.code, "job.memory");
+
+    let folder = std::env::temp_dir().join(format!("frieze-hostile-much-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    std::fs::write(folder.join("a.png"), &png).unwrap();
+    let code = |name: &str, text: &str| {
+        std::fs::write(folder.join(name), text).unwrap();
+        load(&folder.join(name), &options()).map_or_else(|e| e.code, |_| "loaded")
+    };
+    let spellings = |line: &dyn Fn(usize, &str) -> String| -> String {
+        (0..8).map(|k| line(k, &format!("{}a.png", "./".repeat(k)))).collect()
+    };
+    let maps = spellings(&|k, file| format!("newmtl m{k}\nmap_Kd {file}\n"));
+    std::fs::write(folder.join("a.mtl"), maps).unwrap();
+    let faces: String = (0..8).map(|k| format!("usemtl m{k}\nf 1 2 3\n")).collect();
+    assert_eq!(code("a.obj", &format!("mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\n{faces}")), "job.memory");
+    let teapot = "[[object]]\nmesh = { primitive = \"teapot\", segments = 512 }\n";
+    assert_eq!(code("a.toml", teapot), "job.memory");
+    let many = |kind: &str| format!("[[object]]\nmesh = {{ primitive = \"{kind}\" }}\n").repeat(500);
+    assert_eq!(code("b.toml", &many("sphere")), "job.memory");
+    assert_eq!(code("c.toml", &many("cube")), "loaded");
+    std::fs::remove_dir_all(&folder).unwrap();
+    memory_was_kept();
+}
+
+#[test]
+fn pictures_that_say_to_be_more_than_they_are() {
+    use exr::prelude::{AnyChannel, AnyChannels, Blocks, Compression, Encoding, FlatSamples, Image, Layer};
+    use exr::prelude::{LayerAttributes, LineOrder, SpecificChannels, Vec2, WritableImage};
+    let code = |bytes: &[u8], name: &str| {
+        decode::image(bytes, Path::new(name), &options().job).map_or_else(|e| e.code, |_| "decoded")
+    };
+    let riff = |chunks: &[(&[u8; 4], u32, &[u8])]| {
+        let mut out = b"WEBP".to_vec();
+        for (kind, size, data) in chunks {
+            out.extend(*kind);
+            out.extend(size.to_le_bytes());
+            out.extend(*data);
+        }
+        [&b"RIFF"[..], &(out.len() as u32).to_le_bytes(), &out].concat()
+    };
+    // A canvas of one pixel.
+    let head = |flags: u8| [flags, 0, 0, 0, 0, 0, 0, 0, 0, 0];
+    // A colour profile of 1.2 GiB in a file of 100 bytes.
+    let profile = riff(&[(b"VP8X", 10, &head(0x20)), (b"ICCP", 1_278_758_998, &[0; 50])]);
+    assert_eq!(code(&profile, "a.webp"), "image.corrupt");
+    // A lossy frame of 16383x16383, alone and in an animation.
+    let frame = [0x30, 1, 0, 0x9d, 1, 0x2a, 0xff, 0x3f, 0xff, 0x3f, 0, 0, 0, 0];
+    assert_eq!(code(&riff(&[(b"VP8X", 10, &head(0)), (b"VP8 ", 14, &frame)]), "a.webp"), "job.memory");
+    let inner = [&[0; 16][..], b"VP8 ", &14u32.to_le_bytes(), &frame].concat();
+    let animation = riff(&[(b"VP8X", 10, &head(2)), (b"ANIM", 6, &[0; 6]), (b"ANMF", inner.len() as u32, &inner)]);
+    assert_eq!(code(&animation, "a.webp"), "job.memory");
+    // So many channels that comparing their names would take minutes.
+    let channel = |k: u32| AnyChannel::new(format!("{k}.Z").as_str(), FlatSamples::U32(vec![k]));
+    let channels = AnyChannels::sort((0..5000).map(channel).collect());
+    let mut exr = std::io::Cursor::new(Vec::new());
+    Image::from_channels((1, 1), channels).write().to_buffered(&mut exr).unwrap();
+    assert_eq!(code(&exr.into_inner(), "a.exr"), "image.unsupported");
+    // Blocks of B44 with wrong shifts overflow in the decoder's arithmetic, which panics where that is checked.
+    let b44 = Encoding { compression: Compression::B44, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing };
+    let grey = |p: Vec2<usize>| (half::f16::from_f32((p.x() * 7 % 5 + p.y()) as f32),);
+    let channels = SpecificChannels::build().with_channel("Y").with_pixel_fn(grey);
+    let mut exr = std::io::Cursor::new(Vec::new());
+    let layer = Layer::new((9, 5), LayerAttributes::named("a"), b44, channels);
+    Image::from_layer(layer).write().to_buffered(&mut exr).unwrap();
+    let exr = exr.into_inner();
+    for at in 0..exr.len() {
+        for change in [0xff, 0x55, 0x80] {
+            let mut bad = exr.clone();
+            bad[at] ^= change;
+            code(&bad, "a.exr");
+        }
+    }
+    memory_was_kept();
+}
+
+#[test]
+fn scenes_that_leave_the_range_of_numbers() {
+    let folder = std::env::temp_dir().join(format!("frieze-hostile-range-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let (mut json, bin) = document();
+    json["nodes"][1]["scale"] = json!([1e30, 1e30, 1e30]);
+    std::fs::write(folder.join("a.glb"), glb(&json, &bin)).unwrap();
+    let path = folder.join("a.toml");
+    std::fs::write(&path, "[[object]]\nmesh = \"a.glb\"\nscale = 1e30\n").unwrap();
+    let error = load(&path, &options()).unwrap_err();
+    assert_eq!((error.code, error.place.as_deref()), ("scene.range", Some("line 1")));
+    std::fs::remove_dir_all(&folder).unwrap();
 }
 
 #[test]

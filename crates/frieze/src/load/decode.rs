@@ -9,7 +9,9 @@ use crate::error::{Error, Finding, Result};
 use crate::image::{Encoding, Image, Pixels};
 use crate::job::{Job, Reservation};
 use half::f16;
+use std::cell::Cell;
 use std::io::Cursor;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
 mod exr;
@@ -72,18 +74,36 @@ pub fn image(bytes: &[u8], name: &Path, job: &Job) -> Result<(Image, Vec<Finding
             .remedy("use PNG, JPEG, WebP, TGA, BMP, TIFF, Radiance HDR or EXR")
             .in_file(name)
     })?;
-    let image = match kind {
+    let image = guarded(|| match kind {
         Kind::Png => png(bytes, job, &mut findings),
         Kind::Jpeg => jpeg(bytes, job, &mut findings),
-        Kind::WebP => by_image_crate(Cursor::new(bytes), job, &mut findings, ::image::codecs::webp::WebPDecoder::new),
+        Kind::WebP => webp(bytes, job, &mut findings),
         Kind::Tga => by_image_crate(Cursor::new(bytes), job, &mut findings, ::image::codecs::tga::TgaDecoder::new),
         Kind::Bmp => by_image_crate(Cursor::new(bytes), job, &mut findings, ::image::codecs::bmp::BmpDecoder::new),
         Kind::Tiff => tiff(bytes, job, &mut findings),
         Kind::Hdr => hdr::decode(bytes, job),
         Kind::Exr => exr::decode(bytes, job, &mut findings),
-    };
+    });
     let image = image.and_then(|i| finite(i, &mut findings)).map_err(|e| e.in_file(name))?;
     Ok((image, findings.into_iter().map(|f| f.in_file(name)).collect()))
+}
+
+thread_local! {
+    static GUARDED: Cell<bool> = const { Cell::new(false) };
+}
+
+/// Whether this thread is within a decoder whose panics become errors. For panic hooks, which are called before:
+/// they may stay silent then.
+pub fn is_guarded() -> bool {
+    GUARDED.get()
+}
+
+/// Decoders of other crates panic on some broken files (arithmetic that overflows, mostly, in builds that check it).
+fn guarded(decode: impl FnOnce() -> Result<Image>) -> Result<Image> {
+    let before = GUARDED.replace(true);
+    let result = catch_unwind(AssertUnwindSafe(decode));
+    GUARDED.set(before);
+    result.unwrap_or_else(|_| Err(corrupt("its decoder gave up")))
 }
 
 fn corrupt(e: impl std::fmt::Display) -> Error {
@@ -133,9 +153,9 @@ fn png(bytes: &[u8], job: &Job, findings: &mut Vec<Finding>) -> Result<Image> {
     decoder.set_limits(::png::Limits { bytes: 256 << 20 });
     let info = decoder.read_header_info().map_err(bad)?;
     let (width, height) = (info.width, info.height);
-    // At most 4 channels of the file's depth, plus one row for the filter.
+    // At most 4 channels of the file's depth, those of 16 bits twice: as bytes and as numbers.
     let deep = info.bit_depth == ::png::BitDepth::Sixteen;
-    let _held = reserve(job, width.into(), height.into(), if deep { 8 } else { 4 })?;
+    let _held = reserve(job, width.into(), height.into(), if deep { 16 } else { 4 })?;
     let mut reader = decoder.read_info().map_err(bad)?;
     let info = reader.info();
     let mut encoding = Encoding::Srgb;
@@ -201,6 +221,40 @@ fn jpeg(bytes: &[u8], job: &Job, findings: &mut Vec<Finding>) -> Result<Image> {
     let data = decoder.decode().map_err(corrupt)?;
     profile(decoder.icc_profile().as_deref(), findings);
     Image::new(info.width.into(), info.height.into(), channels as u8, Pixels::U8(data), Encoding::Srgb)
+}
+
+fn webp(bytes: &[u8], job: &Job, findings: &mut Vec<Finding>) -> Result<Image> {
+    let pixels = webp_chunks(bytes, 12, true)?;
+    let _held = job.reserve(pixels * 2, "a frame of an image")?;
+    by_image_crate(Cursor::new(bytes), job, findings, ::image::codecs::webp::WebPDecoder::new)
+}
+
+/// Looks at the chunks from `at` on before the decoder does: it allocates what a colour profile says to have before
+/// it sees that the file is shorter, and what a lossy frame says to measure before it compares that with the canvas.
+/// The result is the number of pixels of the largest lossy frame.
+fn webp_chunks(bytes: &[u8], mut at: usize, whole: bool) -> Result<u64> {
+    let mut most = 0;
+    while let Some(head) = bytes.get(at..at + 8) {
+        let size = u32::from_le_bytes([head[4], head[5], head[6], head[7]]) as usize;
+        let end = (at + 8).saturating_add(size).min(bytes.len());
+        match &head[..4] {
+            b"ICCP" if size > bytes.len() - at - 8 => {
+                return Err(corrupt("its colour profile is cut off").at(format!("byte {at}")));
+            }
+            // 14 bits each, after the frame's tag and the start code (RFC 6386, 9.1).
+            b"VP8 " => {
+                if let Some(&[w0, w1, h0, h1]) = bytes.get(at + 14..at + 18) {
+                    let side = |low: u8, high: u8| u64::from(u16::from_le_bytes([low, high]) & 0x3fff);
+                    most = most.max(side(w0, w1) * side(h0, h1));
+                }
+            }
+            // A frame of an animation holds chunks itself, after its place and times.
+            b"ANMF" if whole => most = most.max(webp_chunks(&bytes[..end], at + 24, false)?),
+            _ => {}
+        }
+        at = end.saturating_add(size % 2);
+    }
+    Ok(most)
 }
 
 /// WebP, TGA and BMP: integers in, 8 bits out.
@@ -364,5 +418,15 @@ mod tests {
         assert_eq!(kind(b"RIFF....WEBPVP8 ", "a.jpg"), Some(Kind::WebP));
         assert_eq!(kind(b"\0\0\x02", "a.TGA"), Some(Kind::Tga));
         assert_eq!(kind(b"\0\0\x02", "a.png"), None);
+    }
+
+    #[test]
+    fn a_decoder_that_panics_gives_an_error() {
+        let error = guarded(|| {
+            assert!(is_guarded());
+            panic!("as other crates do")
+        });
+        assert_eq!(error.unwrap_err().code, "image.corrupt");
+        assert!(!is_guarded());
     }
 }

@@ -14,6 +14,9 @@ use std::sync::Arc;
 /// Most bytes of an image, material or buffer file that a model names.
 pub const LIMIT: u64 = 1 << 36;
 
+/// What to do about a file that is shorter than it says.
+pub(super) const CUT_OFF: &str = "the file may be cut off: copy, download or export it again";
+
 const OUTSIDE: &str = "move the file beside the model, or allow it with --allow-outside";
 
 /// The folder of an asset, and the folder that its files may not leave.
@@ -166,7 +169,9 @@ fn folder_of(asset: &Path) -> Result<PathBuf> {
 
 fn unreadable(path: &Path, e: &io::Error) -> Error {
     match e.kind() {
-        io::ErrorKind::NotFound => Error::input("file.missing", "there is no such file").in_file(path),
+        io::ErrorKind::NotFound => Error::input("file.missing", "there is no such file")
+            .in_file(path)
+            .remedy("check the path; it counts from the folder that the program was started in"),
         _ => Error::input("file.unreadable", format!("cannot be read: {e}")).in_file(path),
     }
 }
@@ -306,7 +311,9 @@ impl<'a> Blob<'a> {
     /// # Errors
     /// `file.truncated` beyond the end (or when the file has become shorter), `file.unreadable`.
     pub fn read_at(&self, offset: u64, out: &mut [u8]) -> Result<()> {
-        let beyond = || Error::input("file.truncated", "the file ends too early").at(format!("byte {}", self.len));
+        let beyond = || {
+            Error::input("file.truncated", "the file ends too early").at(format!("byte {}", self.len)).remedy(CUT_OFF)
+        };
         if offset.checked_add(out.len() as u64).is_none_or(|end| end > self.len) {
             return Err(beyond());
         }

@@ -305,6 +305,8 @@ pub(super) fn make(
         let read = context.root.read_or_beside(&map.file, files::LIMIT, context.job).and_then(|(bytes, finding)| {
             let (image, mut more) = decode::image(&bytes, &bytes.path, context.job)?;
             more.extend(finding);
+            // Held from here on: many maps may be decoded from one small file.
+            context.reserve(image.bytes(), "a picture")?;
             Ok((Some(image), more))
         });
         match read {

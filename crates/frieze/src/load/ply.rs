@@ -5,11 +5,12 @@
 //! colours of floats are linear. Elements and properties of other names are passed over. The material is a light
 //! grey Blinn-Phong, shown from both sides.
 
-use super::files::Blob;
+use super::files::{self, Blob};
 use super::text::{float, text};
 use super::triangulate::polygons;
 use super::{Context, Findings, stl};
 use crate::error::{Error, Finding, Result};
+use crate::image::color::{SRGB8_TO_LINEAR, srgb_to_linear};
 use crate::mesh::{Attribute, Mesh};
 use crate::scene::Scene;
 use rayon::prelude::*;
@@ -283,19 +284,16 @@ impl<'a> Body<'a> {
                 Kind::F32 => float(word).map(f64::from),
                 _ => std::str::from_utf8(word).ok().and_then(|w| w.parse().ok()),
             };
-            let value = value.ok_or_else(|| {
-                let (code, message) = match word {
-                    [] => ("ply.truncated", "the file ends too early"),
-                    _ => ("ply.number", "this is no number"),
-                };
-                self.error(code, message)
+            let value = value.ok_or_else(|| match word {
+                [] => self.error("ply.truncated", "the file ends too early").remedy(files::CUT_OFF),
+                _ => self.error("ply.number", "this is no number"),
             })?;
             self.at += end;
             return Ok(value);
         }
         let size = kind.size();
         let Some(b) = self.bytes.get(self.at..self.at + size) else {
-            return Err(self.error("ply.truncated", "the file ends too early"));
+            return Err(self.error("ply.truncated", "the file ends too early").remedy(files::CUT_OFF));
         };
         self.at += size;
         Ok(kind.number(b, self.format == Format::Big))
@@ -338,22 +336,6 @@ fn find_all<const N: usize>(element: &Element, names: [&[&str]; N]) -> Option<[u
     found.iter().all(Option::is_some).then(|| found.map(Option::unwrap_or_default))
 }
 
-/// sRGB's curve (IEC 61966-2-1) in f64. The power 2.4 is the square times the fifth root of the square, by
-/// Newton's method: operations that round the same everywhere.
-fn linear(v: f64) -> f64 {
-    if v <= 0.04045 {
-        return v / 12.92;
-    }
-    let x = (v + 0.055) / 1.055;
-    let square = x * x;
-    let mut root = 1.0;
-    for _ in 0..40 {
-        let r4 = root * root * root * root;
-        root -= (r4 * root - square) / (5.0 * r4);
-    }
-    square * root
-}
-
 fn vertices(
     element: &Element,
     body: &mut Body<'_>,
@@ -382,10 +364,9 @@ fn vertices(
     let mut uvs = vec![[0.0f32; 2]; part(uv.is_some())];
     let mut colors = vec![[0.0f32; 4]; part(color.is_some())];
 
-    let table: Vec<f32> = (0..256).map(|v| linear(f64::from(v) / 255.0) as f32).collect();
     let light = |kind: Kind, v: f64| match kind.whole() {
-        _ if kind == Kind::U8 => table[v.clamp(0.0, 255.0) as usize],
-        Some(whole) => linear((v / whole).clamp(0.0, 1.0)) as f32,
+        _ if kind == Kind::U8 => SRGB8_TO_LINEAR[v.clamp(0.0, 255.0) as usize],
+        Some(whole) => srgb_to_linear((v / whole).clamp(0.0, 1.0) as f32),
         None if v.is_finite() => v.max(0.0) as f32,
         None => 0.0,
     };

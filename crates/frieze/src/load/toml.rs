@@ -8,6 +8,7 @@ use super::files::{self, Root};
 use super::{LoadOptions, Loaded, Materials, decode};
 use crate::error::{Error, Finding, Result};
 use crate::image::{Encoding, Image, Pixels};
+use crate::job::{Job, Reservation};
 use crate::math::exact;
 use crate::math::vec::{Mat4, Vec3};
 use crate::mesh::{Mesh, shape};
@@ -34,6 +35,8 @@ const LIMIT: u64 = 64 << 20;
 /// `scene.range`, `scene.version`, `scene.unknown-material`; those of the models and images that it names.
 pub(crate) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     let bytes = files::read_path(path, LIMIT, &options.job)?;
+    // A value of one letter becomes an entry of some 60 bytes.
+    let _held = options.job.reserve(bytes.len() as u64 * 64, "the scene file")?;
     let text = std::str::from_utf8(&bytes).map_err(|e| {
         Error::input("scene.syntax", "the file is no UTF-8 text")
             .in_file(path)
@@ -79,8 +82,9 @@ fn read(text: &str, path: &Path, root: &Root, options: &LoadOptions) -> Result<(
     let objects = top.tables("object")?;
     later(&top)?;
     top.finish()?;
-    let wanted = objects.iter().map(object).collect::<Result<Vec<_>>>()?;
-    things(&mut scene, &source, materials.as_ref(), &wanted, root, options)?;
+    let mut held = Vec::new();
+    let wanted = objects.iter().map(|t| object(t, &options.job, &mut held)).collect::<Result<Vec<_>>>()?;
+    things(&mut scene, &source, materials.as_ref(), wanted, root, options, &mut held)?;
     let findings = source.findings.take();
     Ok((scene, findings))
 }
@@ -442,6 +446,8 @@ fn later(top: &Table) -> Result<()> {
 
 /// What an `[[object]]` asks for.
 struct Wanted<'a> {
+    /// Where in the file.
+    at: usize,
     name: String,
     shape: Shape<'a>,
     transforms: Vec<Mat4>,
@@ -453,10 +459,10 @@ enum Shape<'a> {
     Made(Box<Mesh>),
 }
 
-fn object<'a>(t: &Table<'a>) -> Result<Wanted<'a>> {
+fn object<'a>(t: &Table<'a>, job: &Job, held: &mut Vec<Reservation>) -> Result<Wanted<'a>> {
     let mesh = t.need("mesh")?;
     let shape = if mesh.is_table() {
-        Shape::Made(Box::new(primitive(&mesh.table()?)?))
+        Shape::Made(Box::new(primitive(&mesh.table()?, job, held)?))
     } else {
         mesh.str()?;
         Shape::File(mesh)
@@ -505,7 +511,7 @@ fn object<'a>(t: &Table<'a>) -> Result<Wanted<'a>> {
     }
     let name = t.str("name")?.unwrap_or_default().to_owned();
     t.finish()?;
-    Ok(Wanted { name, shape, transforms, material })
+    Ok(Wanted { at: t.at, name, shape, transforms, material })
 }
 
 /// Sine and cosine of degrees, exact at multiples of 90.
@@ -548,7 +554,7 @@ fn axis_angle(axis: [f32; 3], degrees: f32) -> Option<[[f64; 3]; 3]> {
     ])
 }
 
-fn primitive(t: &Table) -> Result<Mesh> {
+fn primitive(t: &Table, job: &Job, held: &mut Vec<Reservation>) -> Result<Mesh> {
     #[derive(Clone, Copy)]
     enum Kind {
         Cube,
@@ -573,6 +579,14 @@ fn primitive(t: &Table) -> Result<Mesh> {
         Some(v) => [v.f32()?; 2],
     };
     t.finish()?;
+    // A quad has 112 bytes of indices and triangles, and about one vertex of 32 bytes.
+    let n = u64::from(segments.unwrap_or(if matches!(kind, Kind::Plane) { 1 } else { 64 })).max(8);
+    let quads = match kind {
+        Kind::Cube => 24, // for the vertices, which are not shared
+        Kind::Plane | Kind::Sphere | Kind::Torus => n * n,
+        Kind::Teapot => n * n * 2, // 32 patches, each side a quarter of the segments
+    };
+    held.push(job.reserve(quads * 144, "a primitive")?);
     let mut mesh = match kind {
         Kind::Cube => shape::cube(size),
         Kind::Plane => shape::plane(size, segments.unwrap_or(1)),
@@ -591,9 +605,10 @@ fn things(
     scene: &mut Scene,
     source: &Source,
     materials: Option<&Table>,
-    wanted: &[Wanted],
+    wanted: Vec<Wanted>,
     root: &Root,
     options: &LoadOptions,
+    held: &mut Vec<Reservation>,
 ) -> Result<()> {
     let named = materials.map_or_else(Vec::new, Table::all);
     // Images that some used material asks, each file once, in the order of the slots.
@@ -609,7 +624,7 @@ fn things(
         Shape::Made(_) => true,
     };
     let mut chosen = Vec::new();
-    for w in wanted {
+    for w in &wanted {
         let Some(value) = &w.material else {
             chosen.push(None);
             continue;
@@ -652,6 +667,7 @@ fn things(
         }
     }
     for (image, findings) in decode_all(&images, options)? {
+        held.push(options.job.reserve(image.bytes(), "a picture")?);
         scene.images.push(Arc::new(image));
         source.findings.borrow_mut().extend(findings);
     }
@@ -662,18 +678,19 @@ fn things(
 
     let mut models: Vec<(PathBuf, bool, Placed)> = Vec::new();
     let mut plain = None;
-    for (w, chosen) in wanted.iter().zip(chosen) {
+    for (w, chosen) in wanted.into_iter().zip(chosen) {
         options.job.check()?;
-        let parts = match &w.shape {
+        let parts = match w.shape {
             Shape::Made(mesh) => {
                 let material = chosen.unwrap_or_else(|| {
                     *plain.get_or_insert_with(|| {
                         scene.add_material(Material { double_sided: true, ..Default::default() })
                     })
                 });
-                scene.meshes.push((**mesh).clone());
+                let name = mesh.name.clone();
+                scene.meshes.push(*mesh);
                 Arc::new(vec![Object {
-                    name: mesh.name.clone(),
+                    name,
                     mesh: scene.meshes.len() - 1,
                     transform: Mat4::IDENTITY,
                     materials: vec![material],
@@ -688,20 +705,36 @@ fn things(
                 match models.iter().find(|m| m.0 == path && m.1 == own) {
                     Some((_, _, parts)) => parts.clone(),
                     None => {
+                        let (meshes, images) = (scene.meshes.len(), scene.images.len());
                         let parts = Arc::new(model(scene, source, &path, root, options, own).map_err(here)?);
+                        let bytes = scene.meshes[meshes..].iter().map(Mesh::bytes).sum::<u64>()
+                            + scene.images[images..].iter().map(|i| i.bytes()).sum::<u64>();
+                        held.push(options.job.reserve(bytes, "a model")?);
                         models.push((path, own, parts.clone()));
                         parts
                     }
                 }
             }
         };
+        let name = |part: &Object| if w.name.is_empty() { part.name.clone() } else { w.name.clone() };
+        // Every instance of every part: a short file may ask for very many.
+        let each = |p: &Object| (size_of::<Object>() + 8 * p.materials.len() + name(p).len()) as u64;
+        let bytes = parts.iter().map(each).sum::<u64>().saturating_mul(w.transforms.len() as u64);
+        held.push(options.job.reserve(bytes, "instances")?);
         for transform in &w.transforms {
-            scene.objects.extend(parts.iter().map(|part| Object {
-                name: if w.name.is_empty() { part.name.clone() } else { w.name.clone() },
-                mesh: part.mesh,
-                transform: transform.times(&part.transform),
-                materials: chosen.map_or_else(|| part.materials.clone(), |m| vec![m]),
-            }));
+            for part in parts.iter() {
+                let placed = transform.times(&part.transform);
+                if !placed.0.iter().flatten().all(|v| v.is_finite()) {
+                    let message = format!("an object of `{}` is placed beyond the range of numbers", part.name);
+                    return Err(source.error("scene.range", w.at, message).remedy("make its scale smaller"));
+                }
+                scene.objects.push(Object {
+                    name: name(part),
+                    mesh: part.mesh,
+                    transform: placed,
+                    materials: chosen.map_or_else(|| part.materials.clone(), |m| vec![m]),
+                });
+            }
         }
     }
     Ok(())

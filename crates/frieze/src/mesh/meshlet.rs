@@ -16,8 +16,8 @@ pub const TRIANGLES: usize = 128;
 const PAD: usize = 16;
 /// Triangles per independent run of the scan: fixed, so that threads don't matter.
 const CHUNK: usize = 1 << 14;
-/// Runs that are done before they are put together: all at once would hold the mesh twice.
-const WAVE: usize = 32;
+/// Runs per thread that are done before they are put together: all at once would hold the mesh twice.
+const WAVE: usize = 4;
 
 /// A cluster of triangles of one material slot.
 #[derive(Clone, Debug, PartialEq)]
@@ -93,7 +93,9 @@ impl Meshlets {
         let chunks: Vec<(u32, &[u32])> =
             orders.iter().flat_map(|(slot, order)| order.chunks(CHUNK).map(move |c| (*slot, c))).collect();
         let mut all = Meshlets::default();
-        for (k, wave) in chunks.chunks(WAVE).enumerate() {
+        let wave = WAVE * rayon::current_num_threads();
+        let waves = chunks.len().div_ceil(wave);
+        for (k, wave) in chunks.chunks(wave).enumerate() {
             let parts: Vec<Meshlets> = wave
                 .into_par_iter()
                 .map(|&(slot, order)| {
@@ -102,10 +104,9 @@ impl Meshlets {
                     part
                 })
                 .collect();
-            if k == 0 && chunks.len() > WAVE {
+            if k == 0 && waves > 1 {
                 // Growing would leave holes: the rest is like the first wave, or a little more.
-                let times = chunks.len().div_ceil(WAVE);
-                let sum = |f: fn(&Meshlets) -> usize| parts.iter().map(f).sum::<usize>() * times * 17 / 16;
+                let sum = |f: fn(&Meshlets) -> usize| parts.iter().map(f).sum::<usize>() * waves * 17 / 16;
                 all.meshlets.reserve_exact(sum(|p| p.meshlets.len()));
                 let positions = sum(|p| p.x.len());
                 all.x.reserve_exact(positions);

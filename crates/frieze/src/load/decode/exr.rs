@@ -10,6 +10,9 @@ use ::exr::prelude::{Compression, FlatSamples, ReadChannels, ReadLayers, read};
 use half::f16;
 use std::io::Cursor;
 
+/// Most channels of a part: names are compared with one another below.
+const MOST_CHANNELS: usize = 4096;
+
 /// Which channels of a list of names make a picture: their indices, and whether the last is alpha.
 fn choose(names: &[String]) -> Option<(Vec<usize>, bool)> {
     let find = |prefix: &str, name: &str| {
@@ -52,6 +55,9 @@ pub(super) fn decode(bytes: &[u8], job: &Job, findings: &mut Vec<Finding>) -> Re
         }
         if matches!(header.compression, Compression::HTJ2K32 | Compression::HTJ2K256) {
             return Err(unsupported("EXR with HTJ2K compression").remedy("save it with ZIP or PIZ compression"));
+        }
+        if header.channels.list.len() > MOST_CHANNELS {
+            return Err(unsupported(format_args!("EXR with more than {MOST_CHANNELS} channels")));
         }
         let each: usize = header.channels.list.iter().map(|c| c.sample_type.bytes_per_sample()).sum();
         let size = header.layer_size;

@@ -273,6 +273,8 @@ fn image(data: &Data<'_>, index: u32, findings: &mut Vec<Finding>) -> Result<Ima
         }
         (None, None) => return Err(Error::input("gltf.image", "the image has neither an address nor a buffer view")),
     };
+    // Held from here on: many images may be decoded from one small buffer.
+    data.context.reserve(decoded.bytes(), "a picture")?;
     findings.extend(more.into_iter().map(|f| f.at(format!("/images/{index}"))));
     Ok(decoded)
 }

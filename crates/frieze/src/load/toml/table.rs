@@ -155,6 +155,10 @@ impl<'a> Value<'a> {
     }
     /// Tells that this is understood, but not done by this version.
     pub fn not_yet(&self, action: &str) {
+        // Each is told with its line, which is counted from the file's beginning: nobody reads a million of them.
+        if self.source.findings.borrow().len() >= 1000 {
+            return;
+        }
         let finding = Finding::warning(
             "scene.not-yet",
             format!("`{}` is not rendered by this version", self.name),
