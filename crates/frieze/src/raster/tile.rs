@@ -358,7 +358,8 @@ fn scan<L: Lane>(
                     each(number, at, mask, z);
                 }
                 for k in 0..3 {
-                    e[k] += s.a[k] * wide;
+                    // Values of the tile's own pixels fit; the step beyond the last may not.
+                    e[k] = e[k].wrapping_add(s.a[k] * wide);
                 }
                 x += wide;
                 // The next block; single pixels have to be looked up.
