@@ -97,10 +97,9 @@ pub fn run(a: &Render, common: &Common, talk: &Talk) -> Result<()> {
     let options =
         RenderOptions { job: job.clone(), level, size, samples: a.samples.unwrap_or(0), camera, format, aovs };
     let light = a.light_depth.as_deref().map(|word| light(scene, word)).transpose()?;
-    let prepared = Prepared::new(scene, &options.job)?;
-    // From here on frames are made of what was prepared; large scenes need not be held twice.
     let name = scene.name.clone();
-    loaded.scene = Scene::default();
+    // From here on frames are made of what was prepared; large scenes need not be held twice.
+    let prepared = Prepared::consume(std::mem::take(&mut loaded.scene), &options.job)?;
     job.check()?;
     clock.lap("prepare");
 

@@ -8,4 +8,4 @@ pub mod tangent;
 mod teapot;
 pub mod topology;
 
-pub use mesh::{Attribute, Mesh, Polygons};
+pub use mesh::{Attribute, Bounds, Mesh, Polygons};

@@ -1,8 +1,8 @@
 //! `Scene -> Prepared`: meshlets, instances, tangents, mip levels. `Prepared -> View`: one camera's transforms.
 
 use crate::error::{Error, Result};
-use crate::image::Encoding;
 use crate::image::pyramid::{Pyramid, Rule};
+use crate::image::{Encoding, Image};
 use crate::job::{Job, Reservation};
 use crate::map::{Filter, Map};
 use crate::math::vec::{Mat4, Vec3};
@@ -94,7 +94,21 @@ impl Prepared {
     /// `job.memory` over the budget, `job.interrupted` when cancelled, `scene.index` for an index that leads
     /// nowhere.
     pub fn new(scene: &Scene, job: &Job) -> Result<Self> {
-        check(scene)?;
+        Self::cook(scene, Cow::Borrowed(&scene.images), job)
+    }
+
+    /// As [`Self::new`], for a scene that is needed no longer: its images are dropped as soon as their mip levels are
+    /// made, so that they don't stand beside the cooked meshes.
+    ///
+    /// # Errors
+    /// Those of [`Self::new`].
+    pub fn consume(mut scene: Scene, job: &Job) -> Result<Self> {
+        let images = std::mem::take(&mut scene.images);
+        Self::cook(&scene, Cow::Owned(images), job)
+    }
+
+    fn cook(scene: &Scene, images: Cow<'_, [Arc<Image>]>, job: &Job) -> Result<Self> {
+        check(scene, images.len())?;
         job.progress("prepare", 0, 1);
         let mut materials = scene.materials.clone();
         materials.push(Material { albedo: [0.8; 3], double_sided: true, ..Material::default() });
@@ -120,26 +134,29 @@ impl Prepared {
         let mut keys: Vec<Key> = Vec::new();
         for (material, _) in materials.iter().zip(&used).filter(|(_, used)| **used) {
             for (texture, color) in material.textures() {
-                let key = key(scene.images[texture.image].encoding, texture, color);
+                let key = key(images[texture.image].encoding, texture, color);
                 if !keys.contains(&key) {
                     keys.push(key);
                 }
             }
         }
         let geometry: u64 = recipes.iter().map(|r| cooked_bytes(&scene.meshes[r.mesh])).sum();
-        let texels: u64 = keys.iter().map(|k| Pyramid::bytes_for(&scene.images[k.image], k.rule)).sum();
+        let texels: u64 = keys.iter().map(|k| Pyramid::bytes_for(&images[k.image], k.rule)).sum();
         let held = job.reserve(geometry + texels, "the scene's geometry and textures")?;
-        let (meshes, pyramids) = job.run(|| {
+        let encodings = images.iter().map(|i| i.encoding).collect();
+        let (pyramids, meshes): (_, Vec<Meshlets>) = job.run(|| {
             rayon::join(
-                || recipes.par_iter().map(|r| cook(&scene.meshes[r.mesh], r)).collect::<Vec<_>>(),
-                || {
-                    let make = |k: &Key| (*k, Arc::new(Pyramid::with(&scene.images[k.image], k.rule)));
+                move || {
+                    let make = |k: &Key| (*k, Arc::new(Pyramid::with(&images[k.image], k.rule)));
                     keys.par_iter().map(make).collect::<Vec<_>>()
                 },
+                || recipes.par_iter().map(|r| cook(&scene.meshes[r.mesh], r)).collect::<Vec<_>>(),
             )
         });
         job.check()?;
         job.progress("prepare", 1, 1);
+        let cooked = |mesh| recipes.iter().position(|r| r.mesh == mesh).and_then(|k| meshes[k].bounds);
+        let bounds = scene.bounds_of(cooked);
         Ok(Prepared {
             meshes,
             instances,
@@ -151,9 +168,9 @@ impl Prepared {
                 Choice::Auto => None,
                 Choice::Camera(k) => Some(scene.cameras[k].clone()),
             },
-            bounds: scene.bounds(),
+            bounds,
             pyramids,
-            encodings: scene.images.iter().map(|i| i.encoding).collect(),
+            encodings,
             _held: held,
         })
     }
@@ -186,7 +203,7 @@ impl Prepared {
 }
 
 /// Every index of the scene leads somewhere.
-fn check(scene: &Scene) -> Result<()> {
+fn check(scene: &Scene, images: usize) -> Result<()> {
     let wrong =
         |what: &str, k: usize| Err(Error::arguments("scene.index", format!("there is no {what} {k} in the scene")));
     for object in &scene.objects {
@@ -198,7 +215,7 @@ fn check(scene: &Scene) -> Result<()> {
         }
     }
     for material in &scene.materials {
-        if let Some((t, _)) = material.textures().find(|(t, _)| t.image >= scene.images.len()) {
+        if let Some((t, _)) = material.textures().find(|(t, _)| t.image >= images) {
             return wrong("image", t.image);
         }
     }

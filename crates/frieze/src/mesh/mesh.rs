@@ -65,6 +65,9 @@ pub struct Mesh {
     pub materials: Vec<u32>,
 }
 
+/// Smallest and largest coordinates.
+pub type Bounds = ([f32; 3], [f32; 3]);
+
 impl Mesh {
     /// Number of faces.
     pub fn face_count(&self) -> usize {
@@ -98,11 +101,20 @@ impl Mesh {
         self.positions[self.corners[corner] as usize]
     }
     /// Smallest and largest coordinates of the positions that a face uses; `None` without faces.
-    pub fn bounds(&self) -> Option<([f32; 3], [f32; 3])> {
-        self.corners.iter().map(|&c| self.positions[c as usize]).fold(None, |b, p| {
-            let (lo, hi) = b.unwrap_or((p, p));
-            Some((core::array::from_fn(|k| lo[k].min(p[k])), core::array::from_fn(|k| hi[k].max(p[k]))))
-        })
+    pub fn bounds(&self) -> Option<Bounds> {
+        let mut used = vec![false; self.positions.len()];
+        for &c in &self.corners {
+            used[c as usize] = true;
+        }
+        let mut lo = [f32::INFINITY; 3];
+        let mut hi = [f32::NEG_INFINITY; 3];
+        for (p, _) in self.positions.iter().zip(used).filter(|(_, used)| *used) {
+            for k in 0..3 {
+                lo[k] = lo[k].min(p[k]);
+                hi[k] = hi[k].max(p[k]);
+            }
+        }
+        (!self.corners.is_empty()).then_some((lo, hi))
     }
     /// Bytes of positions, indices and attributes.
     pub fn bytes(&self) -> u64 {

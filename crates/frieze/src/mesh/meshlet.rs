@@ -1,10 +1,10 @@
 //! Clusters of at most 64 vertices and 128 triangles, for culling and vertex reuse.
 //!
-//! Triangles are sorted along a Morton curve through their centroids and packed by one linear scan, chunk by
-//! chunk. All decisions are integer ones on the source data, so the clusters are the same for any number of
+//! Triangles are sorted along a Morton curve through their centroids and packed by one linear scan, run by
+//! run. All decisions are integer ones on the source data, so the clusters are the same for any number of
 //! threads and any SIMD level.
 
-use super::Mesh;
+use super::{Bounds, Mesh};
 use rayon::prelude::*;
 use std::collections::HashMap;
 
@@ -14,10 +14,8 @@ pub const VERTICES: usize = 64;
 pub const TRIANGLES: usize = 128;
 /// Positions of a meshlet are padded to this many, so that every SIMD width loads whole vectors.
 const PAD: usize = 16;
-/// Triangles per independent run of the scan: fixed, so that threads don't matter.
-const CHUNK: usize = 1 << 14;
-/// Runs per thread that are done before they are put together: all at once would hold the mesh twice.
-const WAVE: usize = 4;
+/// Triangles per independent run of the scan: fixed, so that threads don't matter. A [`Draft`] counts them in 14 bits.
+const RUN: usize = 1 << 14;
 
 /// A cluster of triangles of one material slot.
 #[derive(Clone, Debug, PartialEq)]
@@ -67,6 +65,8 @@ pub struct Meshlets {
     pub uv1: Vec<[f32; 2]>,
     /// Colours, if any.
     pub colors: Vec<[f32; 4]>,
+    /// [`Mesh::bounds`] of what it was cooked from.
+    pub bounds: Option<Bounds>,
 }
 
 /// The attributes that vertices are cooked from: as the mesh has them, or computed for it.
@@ -84,42 +84,59 @@ pub struct Sources<'a> {
 
 impl Meshlets {
     /// Cooks a mesh. Runs in parallel inside of a job's pool.
+    ///
+    /// First every run of triangles is parted into clusters; then all sizes are known, and the vertices are written
+    /// where they stay.
     pub fn new(mesh: &Mesh, from: &Sources<'_>) -> Self {
         let identity = Identity::new(mesh, from);
-        let mut orders = Vec::new();
+        let mut all = Meshlets { bounds: mesh.bounds(), ..Meshlets::default() };
+        let mut lengths = Vec::new();
         for (slot, triangles) in by_slot(mesh) {
-            orders.push((slot, along_a_curve(mesh, triangles)));
+            let order = along_a_curve(mesh, all.bounds, triangles);
+            lengths.extend(order.chunks(RUN).map(|run| (slot, run.len())));
+            if all.source.is_empty() { all.source = order } else { all.source.extend(order) }
         }
-        let chunks: Vec<(u32, &[u32])> =
-            orders.iter().flat_map(|(slot, order)| order.chunks(CHUNK).map(move |c| (*slot, c))).collect();
-        let mut all = Meshlets::default();
-        let wave = WAVE * rayon::current_num_threads();
-        let waves = chunks.len().div_ceil(wave);
-        for (k, wave) in chunks.chunks(wave).enumerate() {
-            let parts: Vec<Meshlets> = wave
-                .into_par_iter()
-                .map(|&(slot, order)| {
-                    let mut part = Meshlets::default();
-                    part.pack(mesh, from, &identity, slot, order);
-                    part
-                })
-                .collect();
-            if k == 0 && waves > 1 {
-                // Growing would leave holes: the rest is like the first wave, or a little more.
-                let sum = |f: fn(&Meshlets) -> usize| parts.iter().map(f).sum::<usize>() * waves * 17 / 16;
-                all.meshlets.reserve_exact(sum(|p| p.meshlets.len()));
-                let positions = sum(|p| p.x.len());
-                all.x.reserve_exact(positions);
-                all.y.reserve_exact(positions);
-                all.z.reserve_exact(positions);
-                all.triangles.reserve_exact(mesh.triangle_count());
-                all.source.reserve_exact(mesh.triangle_count());
-                all.vertices.reserve_exact(sum(|p| p.vertices.len()));
-                all.uv1.reserve_exact(sum(|p| p.uv1.len()));
-                all.colors.reserve_exact(sum(|p| p.colors.len()));
-            }
-            parts.into_iter().for_each(|part| all.append(part));
+        all.triangles = vec![[0; 4]; all.source.len()];
+        let (mut source, mut triangles) = (&all.source[..], &mut all.triangles[..]);
+        let mut runs = Vec::with_capacity(lengths.len());
+        for (slot, n) in lengths {
+            runs.push((slot, source.split_off(..n).expect("cut from it"), split(&mut triangles, n)));
         }
+        let drafts: Vec<Draft<'_>> = runs
+            .into_par_iter()
+            .map(|(slot, source, triangles)| Draft::new(mesh, &identity, slot, source, triangles))
+            .collect();
+        let vertices: usize = drafts.iter().map(|d| d.corners.len()).sum();
+        let padded: usize = drafts.iter().map(|d| d.padded).sum();
+        all.x = vec![0.0; padded];
+        all.y = vec![0.0; padded];
+        all.z = vec![0.0; padded];
+        all.vertices = vec![[0.0; 8]; vertices];
+        all.uv1 = vec![[0.0; 2]; from.uv[1].map_or(0, |_| vertices)];
+        all.colors = vec![[0.0; 4]; from.colors.map_or(0, |_| vertices)];
+        let (mut x, mut y, mut z) = (&mut all.x[..], &mut all.y[..], &mut all.z[..]);
+        let (mut own, mut uv1, mut colors) = (&mut all.vertices[..], &mut all.uv1[..], &mut all.colors[..]);
+        let mut first = First::default();
+        let mut parts = Vec::with_capacity(drafts.len());
+        for draft in drafts {
+            let n = draft.corners.len();
+            let part = Part {
+                first,
+                x: split(&mut x, draft.padded),
+                y: split(&mut y, draft.padded),
+                z: split(&mut z, draft.padded),
+                vertices: split(&mut own, n),
+                uv1: split(&mut uv1, from.uv[1].map_or(0, |_| n)),
+                colors: split(&mut colors, from.colors.map_or(0, |_| n)),
+            };
+            first.positions += draft.padded as u32;
+            first.vertices += n as u32;
+            first.triangles += draft.source.len() as u32;
+            parts.push((draft, part));
+        }
+        let made: Vec<Vec<Meshlet>> =
+            parts.into_par_iter().map(|(draft, part)| part.fill(mesh, from, &draft)).collect();
+        all.meshlets = made.concat();
         all
     }
 
@@ -133,121 +150,148 @@ impl Meshlets {
             + size_of_val(&self.uv1[..])
             + size_of_val(&self.colors[..])) as u64
     }
+}
 
-    fn append(&mut self, part: Meshlets) {
-        let (p, v, t) = (self.x.len() as u32, self.vertices.len() as u32, self.triangles.len() as u32);
-        self.meshlets.extend(part.meshlets.into_iter().map(|m| Meshlet {
-            positions: m.positions + p,
-            vertices: m.vertices + v,
-            triangles: m.triangles + t,
-            ..m
-        }));
-        self.x.extend_from_slice(&part.x);
-        self.y.extend_from_slice(&part.y);
-        self.z.extend_from_slice(&part.z);
-        self.triangles.extend_from_slice(&part.triangles);
-        self.source.extend_from_slice(&part.source);
-        self.vertices.extend_from_slice(&part.vertices);
-        self.uv1.extend_from_slice(&part.uv1);
-        self.colors.extend_from_slice(&part.colors);
-    }
+/// The first `n` of a slice, which begins behind them then.
+fn split<'a, T>(rest: &mut &'a mut [T], n: usize) -> &'a mut [T] {
+    rest.split_off_mut(..n).expect("as long as all parts together")
+}
 
-    fn pack(&mut self, mesh: &Mesh, from: &Sources<'_>, identity: &Identity, slot: u32, order: &[u32]) {
+/// A run of triangles of one slot, parted into clusters.
+struct Draft<'a> {
+    slot: u32,
+    source: &'a [u32],
+    /// Three local vertices per triangle, and 0.
+    triangles: &'a [[u8; 4]],
+    /// Vertices and triangles of each cluster.
+    clusters: Vec<(u8, u8)>,
+    /// A corner of each vertex: four times the triangle's place in `source`, and which of its three.
+    corners: Vec<u16>,
+    /// Vertices, each cluster's padded to whole vectors.
+    padded: usize,
+}
+
+impl<'a> Draft<'a> {
+    fn new(mesh: &Mesh, identity: &Identity, slot: u32, source: &'a [u32], triangles: &'a mut [[u8; 4]]) -> Self {
+        let (mut clusters, mut corners, mut padded) = (Vec::new(), Vec::new(), 0);
         let mut open = Open::new();
-        for &t in order {
-            let corners = mesh.triangle(t as usize);
-            let ids = corners.map(|c| identity.of(mesh, c));
+        for (at, &t) in source.iter().enumerate() {
+            let [a, b, c] = mesh.triangle(t as usize);
+            let ids = [identity.of(mesh, a), identity.of(mesh, b), identity.of(mesh, c)];
             if !open.fits(ids) {
-                self.close(mesh, from, slot, &mut open);
+                padded += open.vertices.next_multiple_of(PAD);
+                clusters.push((open.vertices as u8, open.triangles as u8));
+                open.clear();
             }
-            let local = core::array::from_fn(|k| open.local(ids[k], corners[k]));
-            let [a, b, c]: [u8; 3] = local;
-            open.triangles.push([a, b, c, 0]);
-            open.source.push(t);
+            for k in 0..3 {
+                let (local, new) = open.local(ids[k]);
+                triangles[at][k] = local;
+                if new {
+                    corners.push((at << 2 | k) as u16);
+                }
+            }
+            open.triangles += 1;
         }
-        self.close(mesh, from, slot, &mut open);
+        padded += open.vertices.next_multiple_of(PAD);
+        clusters.push((open.vertices as u8, open.triangles as u8));
+        Draft { slot, source, triangles, clusters, corners, padded }
     }
+}
 
-    fn close(&mut self, mesh: &Mesh, from: &Sources<'_>, slot: u32, open: &mut Open) {
-        if open.triangles.is_empty() {
-            return;
-        }
-        let positions: Vec<[f32; 3]> = open.corners.iter().map(|&c| mesh.position(c)).collect();
-        let (center, radius) = sphere(&positions);
-        let (axis, spread) = cone(&positions, &open.triangles);
-        let mut mirrored = 0u64;
-        let first = (self.x.len() as u32, self.vertices.len() as u32, self.triangles.len() as u32);
-        for (k, &c) in open.corners.iter().enumerate() {
-            let n = from.normals.map_or([0.0, 0.0, 1.0], |a| a.at(mesh, c));
-            let n = unit(n);
-            let t = from.tangents.map_or([0.0; 4], |a| a.at(mesh, c));
-            let uv = from.uv[0].map_or([0.0; 2], |a| a.at(mesh, c));
-            if t[3] < 0.0 {
-                mirrored |= 1 << k;
+/// Where the numbers of a part begin in the whole.
+#[derive(Clone, Copy, Default)]
+struct First {
+    positions: u32,
+    vertices: u32,
+    triangles: u32,
+}
+
+/// The place of a draft's vertices in [`Meshlets`].
+struct Part<'a> {
+    first: First,
+    x: &'a mut [f32],
+    y: &'a mut [f32],
+    z: &'a mut [f32],
+    vertices: &'a mut [[f32; 8]],
+    uv1: &'a mut [[f32; 2]],
+    colors: &'a mut [[f32; 4]],
+}
+
+impl Part<'_> {
+    fn fill(self, mesh: &Mesh, from: &Sources<'_>, draft: &Draft<'_>) -> Vec<Meshlet> {
+        let mut points = [[0.0f32; 3]; VERTICES];
+        let (mut p, mut v, mut t) = (0, 0, 0);
+        let mut meshlets = Vec::with_capacity(draft.clusters.len());
+        for &(vertices, triangles) in &draft.clusters {
+            let (count, size) = (usize::from(vertices), usize::from(triangles));
+            let mut mirrored = 0u64;
+            for k in 0..count {
+                let code = usize::from(draft.corners[v + k]);
+                let c = mesh.triangle(draft.source[code >> 2] as usize)[code & 3];
+                points[k] = mesh.position(c);
+                let n = from.normals.map_or([0.0, 0.0, 1.0], |a| a.at(mesh, c));
+                let n = unit(n);
+                let t = from.tangents.map_or([0.0; 4], |a| a.at(mesh, c));
+                let uv = from.uv[0].map_or([0.0; 2], |a| a.at(mesh, c));
+                mirrored |= u64::from(t[3] < 0.0) << k;
+                self.vertices[v + k] = [n[0], n[1], n[2], t[0], t[1], t[2], uv[0], uv[1]];
+                if let Some(a) = from.uv[1] {
+                    self.uv1[v + k] = a.at(mesh, c);
+                }
+                if let Some(a) = from.colors {
+                    self.colors[v + k] = a.at(mesh, c);
+                }
             }
-            self.vertices.push([n[0], n[1], n[2], t[0], t[1], t[2], uv[0], uv[1]]);
-            if let Some(a) = from.uv[1] {
-                self.uv1.push(a.at(mesh, c));
+            let padded = count.next_multiple_of(PAD);
+            for k in 0..padded {
+                let point = points[k.min(count - 1)];
+                self.x[p + k] = point[0];
+                self.y[p + k] = point[1];
+                self.z[p + k] = point[2];
             }
-            if let Some(a) = from.colors {
-                self.colors.push(a.at(mesh, c));
-            }
+            let (center, radius) = sphere(&points[..count]);
+            let (axis, spread) = cone(&points, &draft.triangles[t..t + size]);
+            meshlets.push(Meshlet {
+                center,
+                radius,
+                axis,
+                spread,
+                positions: self.first.positions + p as u32,
+                vertices: self.first.vertices + v as u32,
+                triangles: self.first.triangles + t as u32,
+                vertex_count: vertices,
+                triangle_count: triangles,
+                mirrored,
+                slot: draft.slot,
+            });
+            p += padded;
+            v += count;
+            t += size;
         }
-        let padded = positions.len().next_multiple_of(PAD);
-        let last = positions[positions.len() - 1];
-        for p in positions.iter().copied().chain(std::iter::repeat_n(last, padded - positions.len())) {
-            self.x.push(p[0]);
-            self.y.push(p[1]);
-            self.z.push(p[2]);
-        }
-        self.triangles.extend_from_slice(&open.triangles);
-        self.source.extend_from_slice(&open.source);
-        self.meshlets.push(Meshlet {
-            center,
-            radius,
-            axis,
-            spread,
-            positions: first.0,
-            vertices: first.1,
-            triangles: first.2,
-            vertex_count: open.corners.len() as u8,
-            triangle_count: open.triangles.len() as u8,
-            mirrored,
-            slot,
-        });
-        open.clear();
+        meshlets
     }
 }
 
 /// Unit length; what has no length points up.
 fn unit(v: [f32; 3]) -> [f32; 3] {
     let l = (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt();
-    if l > 1e-30 && l.is_finite() { v.map(|c| c / l) } else { [0.0, 1.0, 0.0] }
+    if l > 1e-30 && l.is_finite() { [v[0] / l, v[1] / l, v[2] / l] } else { [0.0, 1.0, 0.0] }
 }
 
-/// The meshlet that is being filled.
+/// The cluster that is being filled.
 struct Open {
-    corners: Vec<usize>,
-    triangles: Vec<[u8; 4]>,
-    source: Vec<u32>,
+    vertices: usize,
+    triangles: usize,
     /// Vertex id + 1 and local index, open addressing; 256 places for at most 64 vertices.
     table: [(u32, u8); 256],
 }
 
 impl Open {
     fn new() -> Self {
-        Open {
-            corners: Vec::with_capacity(VERTICES),
-            triangles: Vec::with_capacity(TRIANGLES),
-            source: Vec::with_capacity(TRIANGLES),
-            table: [(0, 0); 256],
-        }
+        Open { vertices: 0, triangles: 0, table: [(0, 0); 256] }
     }
     fn clear(&mut self) {
-        self.corners.clear();
-        self.triangles.clear();
-        self.source.clear();
-        self.table.fill((0, 0));
+        *self = Self::new();
     }
     fn find(&self, id: u32) -> usize {
         let mut k = (id.wrapping_mul(0x9e37_79b1) >> 24) as usize;
@@ -257,17 +301,19 @@ impl Open {
         k
     }
     fn fits(&self, ids: [u32; 3]) -> bool {
-        self.triangles.len() < TRIANGLES
-            && (self.corners.len() + 3 <= VERTICES
-                || self.corners.len() + ids.iter().filter(|&&id| self.table[self.find(id)].0 == 0).count() <= VERTICES)
+        self.triangles < TRIANGLES
+            && (self.vertices + 3 <= VERTICES
+                || self.vertices + ids.iter().filter(|&&id| self.table[self.find(id)].0 == 0).count() <= VERTICES)
     }
-    fn local(&mut self, id: u32, corner: usize) -> u8 {
+    /// The local index of a vertex, and whether it is new.
+    fn local(&mut self, id: u32) -> (u8, bool) {
         let k = self.find(id);
-        if self.table[k].0 == 0 {
-            self.table[k] = (id + 1, self.corners.len() as u8);
-            self.corners.push(corner);
+        let new = self.table[k].0 == 0;
+        if new {
+            self.table[k] = (id + 1, self.vertices as u8);
+            self.vertices += 1;
         }
-        self.table[k].1
+        (self.table[k].1, new)
     }
 }
 
@@ -328,18 +374,19 @@ fn by_slot(mesh: &Mesh) -> Vec<(u32, Option<Vec<u32>>)> {
 }
 
 /// Triangles along a Morton curve through their centroids.
-fn along_a_curve(mesh: &Mesh, triangles: Option<Vec<u32>>) -> Vec<u32> {
+fn along_a_curve(mesh: &Mesh, bounds: Option<Bounds>, triangles: Option<Vec<u32>>) -> Vec<u32> {
     let all = mesh.triangle_count();
     let low = (usize::BITS - all.leading_zeros()).min(32);
     let bits = ((64 - low) / 3).min(16);
-    let (lo, hi) = mesh.bounds().unwrap_or_default();
+    let (lo, hi) = bounds.unwrap_or_default();
     let top = ((1u32 << bits) - 1) as f32;
     // One scale for all axes, so that cells are cubes.
     let size = (0..3).map(|k| hi[k] - lo[k]).fold(0.0f32, f32::max);
     let scale = if size > 0.0 && size.is_finite() { top / size } else { 0.0 };
     // The triangle's number in the low bits, the curve above.
     let key = |t: u32| {
-        let p = mesh.triangle(t as usize).map(|c| mesh.position(c));
+        let [a, b, c] = mesh.triangle(t as usize);
+        let p = [mesh.position(a), mesh.position(b), mesh.position(c)];
         let mut code = 0u64;
         for k in 0..3 {
             let c = ((p[0][k] - lo[k]) + (p[1][k] - lo[k]) + (p[2][k] - lo[k])) * (scale / 3.0);
@@ -353,7 +400,7 @@ fn along_a_curve(mesh: &Mesh, triangles: Option<Vec<u32>>) -> Vec<u32> {
     };
     keys.par_sort_unstable();
     let mask = ((1u64 << low) - 1) as u32;
-    keys.iter().map(|&k| k as u32 & mask).collect()
+    keys.par_iter().map(|&k| k as u32 & mask).collect()
 }
 
 /// Two zero bits after each of the low 16 bits.
@@ -374,44 +421,61 @@ fn sphere(points: &[[f32; 3]]) -> ([f32; 3], f32) {
             hi[k] = hi[k].max(p[k]);
         }
     }
-    let center: [f32; 3] = core::array::from_fn(|k| lo[k] * 0.5 + hi[k] * 0.5);
-    let r2 = points.iter().fold(0.0f32, |r, p| {
-        let d: [f32; 3] = core::array::from_fn(|k| p[k] - center[k]);
-        r.max(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
-    });
+    let center = [lo[0] * 0.5 + hi[0] * 0.5, lo[1] * 0.5 + hi[1] * 0.5, lo[2] * 0.5 + hi[2] * 0.5];
+    let mut r2 = 0.0f32;
+    for p in points {
+        let d = [p[0] - center[0], p[1] - center[1], p[2] - center[2]];
+        r2 = r2.max(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
+    }
     // Rounding of the squares and the root: a few units in the last place.
     (center, r2.sqrt() * 1.000_001)
 }
 
 /// Axis and sine of the half angle of the cone that holds all triangle normals.
-fn cone(points: &[[f32; 3]], triangles: &[[u8; 4]]) -> ([f32; 3], f32) {
+fn cone(points: &[[f32; 3]; VERTICES], triangles: &[[u8; 4]]) -> ([f32; 3], f32) {
     let everywhere = ([0.0, 0.0, 1.0], 2.0);
-    let mut normals = [[0.0f32; 3]; TRIANGLES];
-    let mut count = 0;
+    // One array per axis, so that the compiler works on several triangles at a time.
+    let [mut x, mut y, mut z, mut length] = [[0.0f32; TRIANGLES]; 4];
+    let count = triangles.len();
+    for (k, t) in triangles.iter().enumerate() {
+        // Local vertices are below 64.
+        let [a, b, c] = [points[t[0] as usize & 63], points[t[1] as usize & 63], points[t[2] as usize & 63]];
+        let u = [b[0] - a[0], b[1] - a[1], b[2] - a[2]];
+        let v = [c[0] - a[0], c[1] - a[1], c[2] - a[2]];
+        x[k] = u[1] * v[2] - u[2] * v[1];
+        y[k] = u[2] * v[0] - u[0] * v[2];
+        z[k] = u[0] * v[1] - u[1] * v[0];
+    }
+    let mut wrong = false;
+    for k in 0..TRIANGLES {
+        let l = (x[k] * x[k] + y[k] * y[k] + z[k] * z[k]).sqrt();
+        // Without area it is drawn from no side, and has no say.
+        wrong |= l != 0.0 && !(1e-30..1e30).contains(&l);
+        length[k] = l;
+        let by = if l == 0.0 { 1.0 } else { l };
+        x[k] /= by;
+        y[k] /= by;
+        z[k] /= by;
+    }
+    if wrong {
+        return everywhere;
+    }
     let mut sum = [0.0f32; 3];
-    for t in triangles {
-        let [a, b, c] = [points[t[0] as usize], points[t[1] as usize], points[t[2] as usize]];
-        let (u, v): ([f32; 3], [f32; 3]) =
-            (core::array::from_fn(|k| b[k] - a[k]), core::array::from_fn(|k| c[k] - a[k]));
-        let n = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
-        let l = (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]).sqrt();
-        if l == 0.0 {
-            continue; // No area: drawn from no side.
-        }
-        if !(1e-30..1e30).contains(&l) {
-            return everywhere;
-        }
-        let n = n.map(|c| c / l);
-        (0..3).for_each(|k| sum[k] += n[k]);
-        normals[count] = n;
-        count += 1;
+    for k in 0..count {
+        sum[0] += x[k];
+        sum[1] += y[k];
+        sum[2] += z[k];
     }
     let l = (sum[0] * sum[0] + sum[1] * sum[1] + sum[2] * sum[2]).sqrt();
     if l < 1e-6 {
         return everywhere;
     }
-    let axis = sum.map(|c| c / l);
-    let cos = normals[..count].iter().fold(1.0f32, |m, n| m.min(n[0] * axis[0] + n[1] * axis[1] + n[2] * axis[2]));
+    let axis = [sum[0] / l, sum[1] / l, sum[2] / l];
+    for k in 0..TRIANGLES {
+        let cos = x[k] * axis[0] + y[k] * axis[1] + z[k] * axis[2];
+        length[k] = if length[k] == 0.0 { 1.0 } else { cos };
+    }
+    let cos = length[..count].iter().fold(1.0f32, |least, &cos| if cos < least { cos } else { least });
     // Normals of slivers are only as exact as their edges: a margin of 1e-3 keeps the test conservative.
     let cos = cos - 1e-3;
     if cos <= 0.05 { everywhere } else { (axis, (1.0 - cos * cos).sqrt()) }

@@ -3,7 +3,7 @@
 use super::{Camera, Light, Material};
 use crate::image::{Encoding, Image};
 use crate::math::vec::{Mat4, Vec3};
-use crate::mesh::Mesh;
+use crate::mesh::{Bounds, Mesh};
 use std::sync::Arc;
 
 /// A placed mesh.
@@ -162,9 +162,13 @@ impl Scene {
     /// Smallest and largest world coordinates of all objects (of their transformed boxes); `None` when empty.
     pub fn bounds(&self) -> Option<(Vec3, Vec3)> {
         let boxes: Vec<_> = self.meshes.iter().map(Mesh::bounds).collect();
+        self.bounds_of(|mesh| boxes[mesh])
+    }
+    /// [`Self::bounds`] from those of the meshes.
+    pub(crate) fn bounds_of(&self, mesh: impl Fn(usize) -> Option<Bounds>) -> Option<(Vec3, Vec3)> {
         let mut all: Option<(Vec3, Vec3)> = None;
         for object in &self.objects {
-            let Some((lo, hi)) = boxes[object.mesh] else { continue };
+            let Some((lo, hi)) = mesh(object.mesh) else { continue };
             for k in 0..8 {
                 let p: [f32; 3] = core::array::from_fn(|a| if k >> a & 1 == 0 { lo[a] } else { hi[a] });
                 let p = object.transform.point(Vec3::from(p));

@@ -183,6 +183,9 @@ fn light(light: &json::Light, transform: &Mat4, node: String) -> Option<Light> {
 
 /// Gives cameras a target: the point on their axis that is nearest to the middle of the scene.
 pub fn aim(scene: &mut Scene) {
+    if scene.cameras.is_empty() {
+        return;
+    }
     let middle = scene.bounds().map_or(Vec3::splat(0.0), |(lo, hi)| lo * 0.5 + hi * 0.5);
     for camera in &mut scene.cameras {
         let forward = -camera.transform.column(2).xyz();
