@@ -62,6 +62,8 @@ pub struct Record {
     pub look: u32,
     /// See [`Class`].
     pub class: Class,
+    /// Reversed depth of its nearest vertex; 1 where some cannot be projected.
+    pub near: f32,
     /// Vertices are homogeneous `[x w, y w, z w, w]` instead of `[x, y, z, w]`: some of them cannot be projected.
     pub homogeneous: bool,
 }
@@ -215,13 +217,14 @@ impl Kernel for Process<'_> {
             {
                 continue;
             }
-            let record = Record {
+            let mut record = Record {
                 draw: number,
                 meshlet: k as u32,
                 part: 0,
                 vertices: out.vertices.len() as u32,
                 look: slot.look,
                 class: slot.class,
+                near: 1.0,
                 homogeneous: !frustum.is_safe(m.center, m.radius),
             };
             out.transformed += u64::from(m.vertex_count);
@@ -232,7 +235,7 @@ impl Kernel for Process<'_> {
                 pieces(target, draw, slot, k, number, out);
                 out.records.push(record);
             } else {
-                project(l, draw, k, &mut scratch, out);
+                record.near = project(l, draw, k, &mut scratch, out);
                 if bin(l, target, draw, slot, k, number, &scratch, out) {
                     out.records.push(record);
                 } else {
@@ -256,8 +259,9 @@ impl Default for Scratch {
 }
 
 #[inline(always)]
-fn project<L: Lane>(l: L, draw: &Draw<'_>, k: usize, scratch: &mut Scratch, out: &mut Geometry) {
+fn project<L: Lane>(l: L, draw: &Draw<'_>, k: usize, scratch: &mut Scratch, out: &mut Geometry) -> f32 {
     let m = &draw.mesh.meshlets[k];
+    let mut near = l.f(0.0);
     let count = m.vertex_count as usize;
     for v in (0..count).step_by(L::WIDTH) {
         let at = m.positions as usize + v;
@@ -274,7 +278,9 @@ fn project<L: Lane>(l: L, draw: &Draw<'_>, k: usize, scratch: &mut Scratch, out:
         h.w.store(&mut rows[3]);
         let n = (count - v).min(L::WIDTH);
         out.vertices.extend((0..n).map(|k| [rows[0][k], rows[1][k], rows[2][k], rows[3][k]]));
+        near = near.max(z);
     }
+    (0..L::WIDTH).map(|k| near.lane(k)).fold(0.0, Num::max)
 }
 
 /// To 1/256 pixel, halves up.

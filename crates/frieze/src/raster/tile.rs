@@ -378,17 +378,18 @@ enum Found<'a> {
     Sample(usize, f32),
 }
 
-/// Calls `each(found, id, class)` for the triangles of a tile, in the order of the bins.
+/// Calls `each(found, id, class)` for the triangles of some entries of a tile, in their order.
 #[inline(always)]
 fn triangles<L: Lane>(
     l: L,
     place: &Place<'_>,
+    entries: &[Entry],
     wanted: impl Fn(Class) -> bool,
     mut each: impl FnMut(Found<'_>, u32, Class),
 ) {
     let frame = Frame::new(place);
     let mut setups = Setups { ints: [[0; MOST]; 14], nums: [[0.0; MOST]; 7] };
-    for &Entry { part, what, mask } in place.bins.tile(place.tile) {
+    for &Entry { part, what, mask } in entries {
         // A piece of a clipped triangle goes the same way as the triangles of a cluster: one loop for both keeps
         // what is inlined into it small.
         let piece = (mask == 0).then(|| &place.bins.parts[part as usize].pieces[what as usize]);
@@ -472,9 +473,11 @@ pub fn solid<L: Lane, C: Cut<L>, const IDS: bool>(
     let origin = (origin.0 as i32, origin.1 as i32);
     let mut pending: Vec<Fragment> = Vec::new();
     let mut key = (u32::MAX, u32::MAX);
+    let entries = if C::ANY { &near_to_far(place)[..] } else { place.bins.tile(place.tile) };
     triangles(
         l,
         place,
+        entries,
         |class| matches!(class, Class::Solid | Class::Cut),
         #[inline(always)]
         |found, new, class| {
@@ -536,8 +539,18 @@ pub fn solid<L: Lane, C: Cut<L>, const IDS: bool>(
     }
 }
 
+/// The entries of a tile, near ones first: what they hide is not asked whether it is there. Nothing else depends on
+/// the order.
+fn near_to_far(place: &Place<'_>) -> Vec<Entry> {
+    // Depths are not negative, so their bits are ordered as they are. Pieces have corners near the eye.
+    let near = |e: &Entry| if e.mask == 0 { u32::MAX } else { place.bins.records[e.what as usize].near.to_bits() };
+    let mut entries = place.bins.tile(place.tile).to_vec();
+    entries.sort_by_cached_key(|e| std::cmp::Reverse(near(e)));
+    entries
+}
+
 /// Samples of cut triangles that wait for one another, so that whole vectors of them are asked.
-const PENDING: usize = 1 << 12;
+const PENDING: usize = 1 << 8;
 
 /// Asks for the samples that wait, and draws those that are there.
 #[inline(always)]
@@ -632,6 +645,7 @@ pub fn layered<L: Lane>(
     triangles(
         l,
         place,
+        place.bins.tile(place.tile),
         |class| class == Class::Layered,
         #[inline(always)]
         |found, id, _| {

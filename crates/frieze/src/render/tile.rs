@@ -550,6 +550,13 @@ pub(super) struct Layers {
 impl Layers {
     pub fn new(fragments: &[Fragment], positions: &[[i32; 2]]) -> Self {
         let mut layers = Layers::default();
+        if positions.len() == 1 {
+            // Left in the order of triangles, so that neighbours have vertices and texels in common.
+            let entry = |f: &Fragment| Entry { id: f.id, at: f.at as u16, samples: 1, offset: [0.5; 2], first: false };
+            layers.entries.extend(fragments.iter().map(entry));
+            layers.order.extend(fragments.iter().zip(0..).map(|(f, k)| (f.at, f.depth.to_bits(), f.id, k)));
+            return layers;
+        }
         let (mut sorted, starts) = by_place(fragments, PIXELS, |f| f.at as usize % PIXELS);
         for at in 0..PIXELS {
             let own = &mut sorted[starts[at] as usize..starts[at + 1] as usize];
@@ -570,22 +577,26 @@ impl Layers {
         }
         layers
     }
-    /// By draw and look; where each entry of a batch came from.
-    fn batches(&self, place: &Place<'_>) -> Vec<(Batch, Vec<u32>)> {
-        let mut groups: std::collections::BTreeMap<(u32, u32), (Batch, Vec<u32>)> = Default::default();
+    /// The entries by draw and look; where each entry of a batch came from, unless they are all of one.
+    fn batches(&mut self, place: &Place<'_>) -> Vec<(Batch, Option<Vec<u32>>)> {
         let key = |e: &Entry| {
             let r = &place.bins.records[(e.id >> 7) as usize];
             (r.draw, r.look)
         };
-        // Neighbours mostly are of one material.
+        let alike = |a: &Entry, b: &Entry| a.id >> 7 == b.id >> 7 || key(a) == key(b);
+        if self.entries.is_sorted_by(alike) {
+            let entries = std::mem::take(&mut self.entries);
+            return vec![(Batch { entries, ..Batch::default() }, None)];
+        }
+        let mut groups: std::collections::BTreeMap<(u32, u32), (Batch, Vec<u32>)> = Default::default();
         let mut first = 0;
-        for run in self.entries.chunk_by(|a, b| a.id >> 7 == b.id >> 7 || key(a) == key(b)) {
+        for run in self.entries.chunk_by(alike) {
             let (batch, members) = groups.entry(key(&run[0])).or_default();
             batch.entries.extend_from_slice(run);
             members.extend(first..first + run.len() as u32);
             first += run.len() as u32;
         }
-        groups.into_values().collect()
+        groups.into_values().map(|(batch, members)| (batch, Some(members))).collect()
     }
     /// Far to near; at equal depth the lower source lies on top.
     pub fn sort(&mut self, place: &Place<'_>) {
@@ -660,10 +671,10 @@ fn compose<L: Lane>(
         for (batch, members) in layers.batches(place) {
             let mut sink = Sink { shaded: &mut scratch.shaded, packed: None, planes: None };
             shade_batch(l, pass, view, lights, place, &batch, &mut sink);
-            for (k, &to) in members.iter().enumerate() {
-                for (i, channel) in scratch.shaded.iter().enumerate() {
-                    colors[to as usize][i] = channel[k];
-                }
+            let [r, g, b, a] = &scratch.shaded;
+            for k in 0..batch.entries.len() {
+                let to = members.as_ref().map_or(k, |m| m[k] as usize);
+                colors[to] = [r[k], g[k], b[k], a[k]];
             }
         }
         layers.sort(place);
