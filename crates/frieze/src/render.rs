@@ -2,6 +2,7 @@
 
 mod aov;
 mod depth;
+mod layer;
 mod light;
 mod point;
 mod tile;

@@ -1,8 +1,9 @@
 //! One pixel with everything that was seen on the way: the renderer's own code at one lane, with a probe that
 //! listens.
 
+use super::layer::Layers;
 use super::point::{Corners, Lanes, Triangle};
-use super::tile::{self, Contents, Entry, Holes, Layers, Out, Scratch, group};
+use super::tile::{self, Contents, Entry, Holes, Out, Scratch, group};
 use super::{Format, Pass, RenderOptions, lamps, looks, plan, scratch_bytes, shadow_bytes};
 use crate::error::{Error, Result};
 use crate::math::lane::{I1, One};
