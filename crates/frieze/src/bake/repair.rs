@@ -155,7 +155,11 @@ pub fn repair(image: &Image, options: &Options) -> Result<Repaired> {
         let asked = options.fixes.contains(&fix);
         let sure = confidence >= options.threshold && fix != Fix::Seams;
         if asked || options.auto && sure {
-            if asked && confidence == 0.0 && matches!(fix, Fix::FlipY | Fix::Srgb | Fix::RebuildZ) && contradicts(fix, &e) {
+            if asked
+                && confidence == 0.0
+                && matches!(fix, Fix::FlipY | Fix::Srgb | Fix::RebuildZ)
+                && contradicts(fix, &e)
+            {
                 findings.push(Finding::warning(
                     "repair.doubtful",
                     format!("{name} was asked for, and the map did not seem to need it: {why}"),

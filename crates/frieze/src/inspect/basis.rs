@@ -184,7 +184,11 @@ pub fn findings(r: &BasisReport) -> Vec<Finding> {
     if !matches!(r.basis, "mikktspace" | "unknown") {
         out.push(Finding::warning(
             "normal.basis",
-            format!("the map fits a `{}` basis better than MikkTSpace, confidence {:.0} %", r.basis, r.confidence * 100.0),
+            format!(
+                "the map fits a `{}` basis better than MikkTSpace, confidence {:.0} %",
+                r.basis,
+                r.confidence * 100.0
+            ),
             format!("seams show in programs that use MikkTSpace; set tangent_frame = \"{}\" in a scene file", r.basis),
         ));
     }
@@ -277,7 +281,8 @@ fn facts(mesh: &Mesh, uv: &Attribute<[f32; 2]>, job: &Job) -> Result<UvFacts> {
         if q.iter().flatten().any(|v| !v.is_finite()) {
             continue;
         }
-        let edge = |a: [f64; 2], b: [f64; 2], p: [f64; 2]| (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0]);
+        let edge =
+            |a: [f64; 2], b: [f64; 2], p: [f64; 2]| (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0]);
         let area = edge(q[0], q[1], q[2]);
         if area == 0.0 {
             f.degenerate += 1;
@@ -337,7 +342,8 @@ mod tests {
         for t in 0..mesh.triangle_count() {
             let c = mesh.triangle(t);
             let q = c.map(|c| uv.at(mesh, c).map(|v| v * size as f32));
-            let edge = |a: [f32; 2], b: [f32; 2], p: [f32; 2]| (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0]);
+            let edge =
+                |a: [f32; 2], b: [f32; 2], p: [f32; 2]| (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0]);
             let area = edge(q[0], q[1], q[2]);
             if area == 0.0 {
                 continue;
@@ -358,7 +364,11 @@ mod tests {
                     let world = rough(mix(&|c| Vec3::from(mesh.position(c))), n.normalize());
                     // The inverse of the matrix (t, bi, n).
                     let det = t.dot(bi.cross(n));
-                    let v = Vec3::new(world.dot(bi.cross(n)) / det, world.dot(n.cross(t)) / det, world.dot(t.cross(bi)) / det);
+                    let v = Vec3::new(
+                        world.dot(bi.cross(n)) / det,
+                        world.dot(n.cross(t)) / det,
+                        world.dot(t.cross(bi)) / det,
+                    );
                     let code = crate::map::normal::encode_u8(v.normalize(), down);
                     texels[(y * size + x) * 3..][..3].copy_from_slice(&code);
                 }

@@ -49,7 +49,10 @@ pub fn findings(report: &NormalReport) -> Vec<Finding> {
         let [r, g] = e.curve.median.map(|m| m * 255.0);
         out.push(Finding::warning(
             "normal.srgb",
-            format!("the map was {how}: the middle of red and green is ({r:.0}, {g:.0}), not 128 ({})", sure(e.curve.confidence)),
+            format!(
+                "the map was {how}: the middle of red and green is ({r:.0}, {g:.0}), not 128 ({})",
+                sure(e.curve.confidence)
+            ),
             "every normal leans; export it as non-colour data, or mend it with `frieze convert --fix srgb`",
         ));
     }

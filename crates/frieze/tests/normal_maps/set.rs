@@ -284,7 +284,15 @@ fn from_srgb(c: f64) -> f64 {
 }
 
 /// Makes a map.
-pub fn make(family: Family, kernel: Kernel, damage: Damage, y_down: bool, bits: u8, size: (u32, u32), seed: u32) -> Case {
+pub fn make(
+    family: Family,
+    kernel: Kernel,
+    damage: Damage,
+    y_down: bool,
+    bits: u8,
+    size: (u32, u32),
+    seed: u32,
+) -> Case {
     let rms = [0.08, 0.2, 0.5][seed as usize % 3];
     // A bump alone must stay in the picture.
     let window = match damage {
@@ -303,7 +311,9 @@ pub fn make(family: Family, kernel: Kernel, damage: Damage, y_down: bool, bits: 
         .collect();
     match damage {
         Damage::Short => normals.iter_mut().for_each(|n| *n = n.map(|v| v * 0.8)),
-        Damage::Steep => normals.iter_mut().for_each(|n| (n[0], n[1]) = ((n[0] * 2.0).clamp(-1.0, 1.0), (n[1] * 2.0).clamp(-1.0, 1.0))),
+        Damage::Steep => normals
+            .iter_mut()
+            .for_each(|n| (n[0], n[1]) = ((n[0] * 2.0).clamp(-1.0, 1.0), (n[1] * 2.0).clamp(-1.0, 1.0))),
         Damage::Averaged => {
             let old = normals.clone();
             for y in 0..h {
@@ -387,9 +397,8 @@ pub fn all(seeds: u32) -> impl Iterator<Item = Case> {
         make(FAMILIES[f], KERNELS[k / 3 % 4], DAMAGES[d], y, bits, SIZES[k / 12 % 5], seed)
     };
     (0..FAMILIES.len()).flat_map(move |f| {
-        (0..DAMAGES.len()).flat_map(move |d| {
-            [false, true].into_iter().flat_map(move |y| (0..seeds).map(move |s| cases(f, d, y, s)))
-        })
+        (0..DAMAGES.len())
+            .flat_map(move |d| [false, true].into_iter().flat_map(move |y| (0..seeds).map(move |s| cases(f, d, y, s))))
     })
 }
 
@@ -420,35 +429,77 @@ pub fn others() -> Vec<(&'static str, &'static str, Image)> {
         ("object", "ball", picture(|u, v, _| normal(ball(u, v)))),
         ("object", "rough ball", picture(|u, v, _| normal(rough(ball(u, v), u, v)))),
         ("object", "floor", picture(|u, v, _| normal(rough([0.0, 1.5, 0.0], u, v)))),
-        ("object", "six sides", picture(|u, v, _| {
-            let side = (u * 3.0) as usize + 3 * usize::from(v > 0.5);
-            let mut n = [0.0; 3];
-            n[side % 3] = if side < 3 { 1.0 } else { -1.0 };
-            normal(rough([2.0 * n[0], 2.0 * n[1], 2.0 * n[2]], u, v))
-        })),
+        (
+            "object",
+            "six sides",
+            picture(|u, v, _| {
+                let side = (u * 3.0) as usize + 3 * usize::from(v > 0.5);
+                let mut n = [0.0; 3];
+                n[side % 3] = if side < 3 { 1.0 } else { -1.0 };
+                normal(rough([2.0 * n[0], 2.0 * n[1], 2.0 * n[2]], u, v))
+            }),
+        ),
         ("object", "ball on black", picture(|u, v, _| if v < 0.6 { normal(ball(u, v / 0.6)) } else { [0.0; 3] })),
         ("none", "height", picture(|u, v, _| grey(noise(u, v, 7) / 2.0))),
         ("none", "white noise", picture(|_, _, k| [0, 1, 2].map(|c| unit(k as u32 * 3 + c)))),
-        ("none", "wood", picture(|u, v, _| {
-            let t = 0.5 + 0.3 * sin(v * 9.0 + noise(u, v, 1));
-            [0.6 * t + 0.2, 0.4 * t + 0.15, 0.25 * t + 0.1]
-        })),
-        ("none", "sky", picture(|u, v, _| {
-            let t = noise(u, v, 4) / 2.0;
-            [0.35 + 0.5 * t, 0.55 + 0.35 * t, 0.85 + 0.1 * t]
-        })),
-        ("none", "plaster", picture(|u, v, k| {
-            let t = 0.72 + 0.1 * noise(u, v, 4);
-            [t + 0.02 * unit(k as u32), t + 0.02 * unit(k as u32 + 7), t - 0.03]
-        })),
-        ("none", "leaves", picture(|u, v, _| {
-            let t = noise(u, v, 4) / 2.0;
-            [0.5 * t, 0.3 + 0.5 * t, 0.3 * t]
-        })),
+        (
+            "none",
+            "wood",
+            picture(|u, v, _| {
+                let t = 0.5 + 0.3 * sin(v * 9.0 + noise(u, v, 1));
+                [0.6 * t + 0.2, 0.4 * t + 0.15, 0.25 * t + 0.1]
+            }),
+        ),
+        (
+            "none",
+            "sky",
+            picture(|u, v, _| {
+                let t = noise(u, v, 4) / 2.0;
+                [0.35 + 0.5 * t, 0.55 + 0.35 * t, 0.85 + 0.1 * t]
+            }),
+        ),
+        (
+            "none",
+            "plaster",
+            picture(|u, v, k| {
+                let t = 0.72 + 0.1 * noise(u, v, 4);
+                [t + 0.02 * unit(k as u32), t + 0.02 * unit(k as u32 + 7), t - 0.03]
+            }),
+        ),
+        (
+            "none",
+            "leaves",
+            picture(|u, v, _| {
+                let t = noise(u, v, 4) / 2.0;
+                [0.5 * t, 0.3 + 0.5 * t, 0.3 * t]
+            }),
+        ),
         ("none", "grey", picture(|_, _, _| grey(0.79))),
-        ("none", "purple cloth", picture(|u, v, _| {
-            let t = noise(u, v, 4) / 2.0;
-            [0.35 + 0.3 * t, 0.2 + 0.3 * t, 0.4 + 0.4 * t]
-        })),
+        (
+            "none",
+            "purple cloth",
+            picture(|u, v, _| {
+                let t = noise(u, v, 4) / 2.0;
+                [0.35 + 0.3 * t, 0.2 + 0.3 * t, 0.4 + 0.4 * t]
+            }),
+        ),
     ]
+}
+
+/// Vectors that belong to no surface: their two slopes know nothing of one another.
+pub fn chaos(seed: u32) -> Image {
+    let n = [3, 6, 12, 30][seed as usize % 4];
+    let octaves = 1 + hash(seed) % 3;
+    let (w, h) = [(128u32, 128u32), (256, 192)][seed as usize / 4 % 2];
+    let field = |u: f64, v: f64, s: u32| {
+        (0..octaves).map(|k| (value_noise(u, v, n << k, s + k) - 0.5) / f64::from(1 << k)).sum::<f64>()
+    };
+    let mut pixels = Vec::new();
+    for k in 0..w * h {
+        let (u, v) = (f64::from(k % w) / f64::from(w), f64::from(k / w) / f64::from(h));
+        let n = [field(u, v, seed * 64), field(u, v, seed * 64 + 32), 1.0];
+        let l = 1.0 / (n[0] * n[0] + n[1] * n[1] + 1.0).sqrt();
+        pixels.extend(n.map(|x| (x * l * 127.5 + 128.0) as u8));
+    }
+    Image::new(w, h, 3, Pixels::U8(pixels), Encoding::Linear).unwrap()
 }

@@ -24,49 +24,64 @@ const CELL: usize = 4;
 /// Rows of a strip that one thread takes; a multiple of [`CELL`].
 const STRIP: usize = 32;
 
+/// Blocks along each side of a map: what happens in one says little about the next.
+const BLOCKS: usize = 8;
+
 /// Sums over the places of a level between four texels each: `a = dp/dy`, `b = dq/dx`.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug)]
 struct Sums {
     aa: f64,
     bb: f64,
-    ab: f64,
-    /// Over cells that move by more than rounding does: votes from -1 to 1 with their weights, and squares of both.
-    votes: f64,
-    votes2: f64,
+    /// Sum of `a b` of each block.
+    ab: [f64; BLOCKS * BLOCKS],
+    /// Sum of the votes, from -1 to 1 each, of the cells of each block that move by more than rounding does.
+    votes: [f64; BLOCKS * BLOCKS],
+    /// The weights of these votes, all together.
     weights: f64,
-    /// Squared sums of `a b` over cells.
-    cells2: f64,
 }
 
 impl Sums {
+    fn new() -> Sums {
+        Sums { aa: 0.0, bb: 0.0, ab: [0.0; BLOCKS * BLOCKS], votes: [0.0; BLOCKS * BLOCKS], weights: 0.0 }
+    }
     fn add(&mut self, o: &Sums) {
         self.aa += o.aa;
         self.bb += o.bb;
-        self.ab += o.ab;
-        self.votes += o.votes;
-        self.votes2 += o.votes2;
         self.weights += o.weights;
-        self.cells2 += o.cells2;
-    }
-    /// The correlation of `a` and `b`, and its distance from 0 in standard deviations.
-    fn correlation(&self) -> (f64, f64) {
-        let scale = (self.aa * self.bb).sqrt();
-        if scale > 0.0 && self.cells2 > 0.0 { (self.ab / scale, self.ab / self.cells2.sqrt()) } else { (0.0, 0.0) }
-    }
-    /// Mean vote and its distance from 0 in standard deviations.
-    fn vote(&self) -> (f64, f64) {
-        if self.weights > 0.0 && self.votes2 > 0.0 {
-            (self.votes / self.weights, self.votes / self.votes2.sqrt())
-        } else {
-            (0.0, 0.0)
+        for k in 0..BLOCKS * BLOCKS {
+            self.ab[k] += o.ab[k];
+            self.votes[k] += o.votes[k];
         }
+    }
+    /// The correlation of `a` and `b`, and its distance from 0 in standard deviations between blocks.
+    fn correlation(&self) -> (f64, f64) {
+        mean(&self.ab, (self.aa * self.bb).sqrt())
+    }
+    /// The same of the votes.
+    fn vote(&self) -> (f64, f64) {
+        mean(&self.votes, self.weights)
     }
 }
 
-/// The sums of a strip: rows `0 .. places` have a row below them in `rows`. `floor` is the square of what rounding
-/// adds to `a` or `b`.
-fn strip(rows: &[[f32; 2]], w: usize, places: usize, floor: f32) -> Sums {
-    let mut s = Sums::default();
+fn mean(blocks: &[f64], weight: f64) -> (f64, f64) {
+    let (sum, squares) = blocks.iter().fold((0.0, 0.0), |(s, q), v| (s + v, q + v * v));
+    if weight > 0.0 && squares > 0.0 { (sum / weight, sum / squares.sqrt()) } else { (0.0, 0.0) }
+}
+
+/// A level as it is cut into blocks: its size, and the first row of a strip.
+#[derive(Clone, Copy)]
+struct Level {
+    w: usize,
+    h: usize,
+    first: usize,
+    /// The square of what rounding adds to `a` or `b`.
+    floor: f32,
+}
+
+/// The sums of a strip: `places` rows, each with one below it in `rows`.
+fn strip(rows: &[[f32; 2]], places: usize, level: Level) -> Sums {
+    let Level { w, h, first, floor } = level;
+    let mut s = Sums::new();
     let cells = (w - 1).div_ceil(CELL);
     let mut sums = vec![[0.0f32; 3]; cells];
     for y0 in (0..places).step_by(CELL) {
@@ -82,20 +97,19 @@ fn strip(rows: &[[f32; 2]], w: usize, places: usize, floor: f32) -> Sums {
                 }
             }
         }
+        let row = (first + y0) * BLOCKS / h * BLOCKS;
         for (c, &[aa, bb, ab]) in sums.iter().enumerate() {
             let n = ((y1 - y0) * (((c + 1) * CELL).min(w - 1) - c * CELL)) as f32;
             let least = aa.min(bb) / n;
             if least <= floor {
                 continue;
             }
+            let block = row + c * CELL * BLOCKS / w;
             s.aa += f64::from(aa);
             s.bb += f64::from(bb);
-            s.ab += f64::from(ab);
-            s.cells2 += f64::from(ab) * f64::from(ab);
+            s.ab[block] += f64::from(ab);
             let weight = f64::from(least / (least + 4.0 * floor));
-            let vote = weight * f64::from(ab / (aa * bb).sqrt());
-            s.votes += vote;
-            s.votes2 += vote * vote;
+            s.votes[block] += weight * f64::from(ab / (aa * bb).sqrt());
             s.weights += weight;
         }
     }
@@ -142,12 +156,15 @@ fn levels(image: &Image, reading: &Reading, job: &Job) -> Result<Vec<Sums>> {
                     reading.row(image, y as u32, &mut row);
                     slopes.extend(row.iter().map(|v| slope(*v)));
                 }
-                (strip(&slopes, w, below - first - 1, floor(0)), halve(&slopes, w, last - first))
+                (
+                    strip(&slopes, below - first - 1, Level { w, h, first, floor: floor(0) }),
+                    halve(&slopes, w, last - first),
+                )
             })
             .collect()
     });
     job.check()?;
-    let mut all = vec![Sums::default()];
+    let mut all = vec![Sums::new()];
     let mut next = Vec::with_capacity((w / 2) * (h / 2));
     for (sums, half) in parts {
         all[0].add(&sums);
@@ -155,7 +172,7 @@ fn levels(image: &Image, reading: &Reading, job: &Job) -> Result<Vec<Sums>> {
     }
     let (mut w, mut h) = (w / 2, h / 2);
     while w >= 8 && h >= 8 && all.len() < 6 {
-        all.push(strip(&next, w, h - 1, floor(all.len())));
+        all.push(strip(&next, h - 1, Level { w, h, first: 0, floor: floor(all.len()) }));
         next = halve(&next, w, h);
         (w, h) = (w / 2, h / 2);
     }
@@ -174,9 +191,14 @@ pub(crate) fn green(image: &Image, reading: &Reading, job: &Job) -> Result<Green
     for (k, s) in levels(image, reading, job)?.iter().enumerate() {
         let (vote, t) = s.vote();
         let (rho, steady) = s.correlation();
-        let votes = vote.abs() * t.abs().min(MOST_VOICES);
+        // Blocks that agree; or nearly all that moves agrees, be it in one place only.
+        let votes = vote.abs() * t.abs() + NEARLY_ALL * ramp(vote.abs(), 0.7, 0.95);
         // One bump on noisy ground: few cells know, but they know it well.
-        let energy = if vote * rho > 0.0 { 0.6 * rho.abs() * steady.abs().min(MOST_VOICES) } else { 0.0 };
+        let energy = if vote * rho > 0.0 {
+            0.6 * rho.abs() * steady.abs() + NEARLY_ALL * ramp(rho.abs(), 0.85, 0.98)
+        } else {
+            0.0
+        };
         let score = votes.max(energy);
         let side = usize::from(vote < 0.0);
         if score > strength[0].max(strength[1]) {
@@ -190,17 +212,20 @@ pub(crate) fn green(image: &Image, reading: &Reading, job: &Job) -> Result<Green
         }
         strength[side] = strength[side].max(score);
     }
+    let most = strength[0].max(strength[1]);
+    if most == 0.0 {
+        return Ok(best);
+    }
     let net = (strength[0] - strength[1]).abs();
-    let share = net / strength[0].max(strength[1]).max(1e-9);
-    best.confidence = (ramp(net, -2.0, 4.0) * (0.5 + 0.5 * ramp(share, 0.0, 0.6))).min(0.995) as f32;
+    best.confidence = (ramp(net, -0.5, 2.0) * (0.5 + 0.5 * ramp(net / most, 0.0, 0.6))).min(0.995) as f32;
     if best.confidence < UNDECIDED {
         best.value = "unknown";
     }
     Ok(best)
 }
 
-/// More standard deviations than these make nothing surer.
-const MOST_VOICES: f64 = 64.0;
+/// What it counts that nearly everything agrees.
+const NEARLY_ALL: f64 = 3.0;
 /// Below this confidence no direction is named.
 const UNDECIDED: f32 = 0.55;
 
@@ -212,9 +237,8 @@ pub(crate) fn tiles(image: &Image, reading: &Reading, job: &Job) -> Result<Tiles
     if w < 8 || h < 8 {
         return Ok(out);
     }
-    let apart = |a: [f32; 3], b: [f32; 3]| -> f64 {
-        (0..3).map(|k| f64::from(a[k] - b[k]) * f64::from(a[k] - b[k])).sum()
-    };
+    let apart =
+        |a: [f32; 3], b: [f32; 3]| -> f64 { (0..3).map(|k| f64::from(a[k] - b[k]) * f64::from(a[k] - b[k])).sum() };
     // A few hundred rows tell about columns, and a few hundred columns about rows.
     let (rows, columns) = (h.div_ceil(512), w.div_ceil(512));
     let mut across = vec![0.0f64; w];
@@ -240,7 +264,10 @@ pub(crate) fn tiles(image: &Image, reading: &Reading, job: &Job) -> Result<Tiles
     for (k, steps) in [&across, &down].into_iter().enumerate() {
         let inside = steps[1..].iter().fold(0.0, |m: f64, v| m.max(*v));
         // Steps below two codes of 8 bits per texel are no seam to anyone.
-        let floor = 2.0 * (2.0f64 / 255.0) * (2.0 / 255.0) * (if k == 0 { h.div_ceil(rows) } else { w.div_ceil(columns) }) as f64;
+        let floor = 2.0
+            * (2.0f64 / 255.0)
+            * (2.0 / 255.0)
+            * (if k == 0 { h.div_ceil(rows) } else { w.div_ceil(columns) }) as f64;
         out.step[k] = (steps[0] / inside.max(floor)) as f32;
         seams[k] = ramp(f64::from(out.step[k]), 0.9, 1.8);
     }

@@ -41,12 +41,7 @@ pub struct Reading {
 }
 
 impl Reading {
-    pub(crate) fn new(
-        image: &Image,
-        channels: ([usize; 2], Option<usize>),
-        curve: CurveKind,
-        signed: bool,
-    ) -> Reading {
+    pub(crate) fn new(image: &Image, channels: ([usize; 2], Option<usize>), curve: CurveKind, signed: bool) -> Reading {
         let most = match image.pixels() {
             Pixels::U8(_) => 255,
             Pixels::U16(_) => 65535,
@@ -65,7 +60,14 @@ impl Reading {
         let (w, n) = (image.width() as usize, image.channels());
         let at = y as usize * w * n;
         let ([cx, cy], cz) = self.channels;
-        fn fill<T: Copy>(row: &[T], n: usize, c: [usize; 3], rebuild: bool, out: &mut Vec<[f32; 3]>, f: impl Fn(T) -> f32) {
+        fn fill<T: Copy>(
+            row: &[T],
+            n: usize,
+            c: [usize; 3],
+            rebuild: bool,
+            out: &mut Vec<[f32; 3]>,
+            f: impl Fn(T) -> f32,
+        ) {
             out.extend(row.chunks_exact(n).map(|t| {
                 let (x, y) = (f(t[c[0]]), f(t[c[1]]));
                 let z = if rebuild { (1.0 - x * x - y * y).max(0.0).sqrt() } else { f(t[c[2]]) };
@@ -259,9 +261,8 @@ impl<'a> Survey<'a> {
             }
             errors[k] = median(&mut off, 0.5);
             let lateral = medians.map(|m| f64::from(reading.component(m)).abs());
-            costs[k] = f64::from(errors[k])
-                + lateral[0].max(lateral[1])
-                + beyond as f64 / self.texels.len().max(1) as f64;
+            costs[k] =
+                f64::from(errors[k]) + lateral[0].max(lateral[1]) + beyond as f64 / self.texels.len().max(1) as f64;
             readings.push(reading);
         }
         let best = (0..3).fold(0, |b, k| if costs[k] < costs[b] { k } else { b });
@@ -339,15 +340,14 @@ impl<'a> Survey<'a> {
         } else {
             let unit = ramp(unit, 0.8, 0.95) * ramp(out, 0.5, 0.7);
             // Bluish about (0, 0, 1), though not of unit length.
-            let blue = 0.7 * ramp(out, 0.7, 0.9) * (1.0 - ramp(f64::from(lateral), 0.1, 0.3));
+            let blue = 0.7 * ramp(out, 0.55, 0.75) * (1.0 - ramp(f64::from(lateral), 0.1, 0.3));
             unit.max(blue) * ramp(said, 0.02, 0.1)
         };
         (like * (1.0 - ramp(grey, 0.85, 0.95))) as f32
     }
 
     pub fn length(&self, reading: &Reading) -> Length {
-        let mut lengths: Vec<f32> =
-            self.vectors(reading).filter(|v| says(*v)).map(|v| length(v) as f32).collect();
+        let mut lengths: Vec<f32> = self.vectors(reading).filter(|v| says(*v)).map(|v| length(v) as f32).collect();
         let n = lengths.len().max(1) as f64;
         let off = lengths.iter().filter(|l| (**l - 1.0).abs() > 0.03).count() as f64 / n;
         let mean = lengths.iter().map(|l| f64::from((l - 1.0).abs())).sum::<f64>() / n;
