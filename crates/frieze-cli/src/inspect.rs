@@ -55,6 +55,11 @@ pub fn run(a: &Inspect, common: &Common, talk: &Talk) -> Result<()> {
         talk.findings(&findings);
         return Ok(());
     }
+    if a.mesh.is_some() {
+        return Err(frieze::Error::arguments("inspect.mesh", "--mesh goes with a picture, and this is none")
+            .in_file(&a.file)
+            .remedy("name the normal map first: frieze inspect MAP --mesh MODEL"));
+    }
     let mut loaded = source::open(&a.file, &options)?;
     let mut report = inspect::scene(&loaded.scene, &job)?;
     talk.finish();
