@@ -19,7 +19,7 @@ pub enum Issue {
 }
 
 /// Reads a word of `--fix`.
-pub fn issue(s: &str) -> Result<Issue, String> {
+pub fn issue(s: &str) -> std::result::Result<Issue, String> {
     if s == "auto" {
         return Ok(Issue::Auto);
     }
