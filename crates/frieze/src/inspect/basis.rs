@@ -426,7 +426,9 @@ mod tests {
                 assert!(r.basis == name || r.basis == "unknown", "{name} {green}: {r:#?}");
                 // Read with the other green or another basis, the sides disagree by more, and it is told by how much.
                 let strange = if name == "per-triangle" { "mikktspace" } else { "per-triangle" };
-                assert!(of(name, other) > 1.02 * right && of(strange, green) > 1.05 * right, "{name} {green}: {r:#?}");
+                // A frame made from the normal alone has no seams, so either green is as smooth there.
+                let green_matters = name == "from-normal" || of(name, other) > 1.02 * right;
+                assert!(green_matters && of(strange, green) > 1.05 * right, "{name} {green}: {r:#?}");
             }
         }
     }
