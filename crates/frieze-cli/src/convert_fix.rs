@@ -1,7 +1,7 @@
 //! `frieze convert --fix`: mends a normal map and says what it did and why.
 
 use crate::args::{Common, did_you_mean};
-use crate::talk::{self, Talk};
+use crate::talk::Talk;
 use frieze::Result;
 use frieze::bake::repair::{Fix, Options, repair};
 use frieze::load::LoadOptions;
