@@ -96,6 +96,8 @@ pub enum Verb {
     Render(Box<Render>),
     /// Tell how two pictures or maps differ
     Compare(Compare),
+    /// Mend a normal map
+    Convert(Convert),
     /// Tell what is in a model, a scene or a picture
     Inspect(Inspect),
     /// Tell why a pixel has its colour
@@ -328,14 +330,39 @@ pub struct Compare {
 Examples:
   frieze inspect model.glb
   frieze inspect model.obj --json | jq .findings
-  frieze inspect wood_normal.png               guesses whether green points up or down
+  frieze inspect wood_normal.png               which kind of normal map it is, and what is wrong with it
+  frieze inspect n.png --mesh model.glb        and which tangent basis it was baked for
   frieze inspect sample:teapot")]
 pub struct Inspect {
     /// A model, a scene, a picture or sample:NAME
     pub file: PathBuf,
+    /// The model that FILE, a normal map, is for: tells which tangent basis fits
+    #[arg(long, value_name = "MODEL")]
+    pub mesh: Option<PathBuf>,
     /// Let the files name others outside of their own folder
     #[arg(long)]
     pub allow_outside: bool,
+}
+
+/// `frieze convert`
+#[derive(Args, Debug)]
+#[command(after_long_help = "\
+Examples:
+  frieze convert directx_normal.png -o normal.png --fix flip-y
+  frieze convert odd_normal.png -o normal.png --fix auto
+  frieze convert bc5.png -o normal.png --fix rebuild-z,normalize
+
+auto mends what `frieze inspect` is at least 90 % sure of, leaves green pointing up (+Y), says what it did and
+why, and leaves alone what it is not sure of. It never closes seams, as no map tells whether it should tile.")]
+pub struct Convert {
+    /// The map
+    pub map: PathBuf,
+    /// Where to write: .png (8 or 16 bits), .exr (floats)
+    #[arg(short, long = "output", value_name = "OUT")]
+    pub out: PathBuf,
+    /// What to mend, with commas between: auto, flip-y, srgb, normalize, neutral, rebuild-z, seams
+    #[arg(long, value_name = "ISSUES", value_delimiter = ',', required = true, value_parser = crate::convert_fix::issue)]
+    pub fix: Vec<crate::convert_fix::Issue>,
 }
 
 /// `frieze explain`

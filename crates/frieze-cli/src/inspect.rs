@@ -5,10 +5,13 @@ use crate::talk::{self, Talk};
 use crate::{source, version};
 use frieze::Result;
 use frieze::error::Finding;
-use frieze::inspect::{self, ImageReport, SceneReport};
+use frieze::image::Image;
+use frieze::inspect::basis::BasisReport;
+use frieze::inspect::{self, ImageReport, NormalReport, SceneReport};
 use frieze::load::LoadOptions;
 use serde_json::json;
 use std::fmt::Write;
+use std::path::Path;
 
 /// Endings of pictures.
 const PICTURES: [&str; 11] = ["png", "jpg", "jpeg", "webp", "tga", "bmp", "tif", "tiff", "hdr", "exr", "pic"];
@@ -22,15 +25,40 @@ pub fn run(a: &Inspect, common: &Common, talk: &Talk) -> Result<()> {
     let ending = a.file.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
     let name = a.file.display().to_string();
     if PICTURES.contains(&&*ending) {
-        let (image, findings) = frieze::load::image(&a.file, &options)?;
-        let report = inspect::image(&image, Vec::new(), &job)?;
+        let (image, mut findings) = frieze::load::image(&a.file, &options)?;
+        // With a mesh, the user says that it is one.
+        let used = if a.mesh.is_some() { vec!["normal"] } else { Vec::new() };
+        let mut report = inspect::image(&image, used, &job)?;
+        report.used_as.clear();
+        if let Some(n) = &report.normal_map {
+            findings.extend(inspect::normal::findings(n).into_iter().map(|f| f.in_file(&a.file)));
+        }
+        let basis = match (&a.mesh, &report.normal_map) {
+            (Some(mesh), Some(n)) => Some(basis(mesh, &image, n, &options, &mut findings)?),
+            (Some(_), None) => {
+                return Err(frieze::Error::input("inspect.not-normals", "a picture of one channel is no normal map")
+                    .in_file(&a.file)
+                    .remedy("leave out --mesh"));
+            }
+            _ => None,
+        };
         talk.finish();
         if talk.json {
-            return talk.document("inspect", json!({ "file": name, "image": report, "findings": findings }));
+            let mut document = json!({ "file": name, "image": report, "findings": findings });
+            if let Some(b) = &basis {
+                document["basis"] = json!(b);
+            }
+            return talk.document("inspect", document);
         }
-        talk::data(format!("{name}\n{}", image_text(&report)).as_bytes())?;
+        let more = basis.as_ref().map_or_else(String::new, basis_text);
+        talk::data(format!("{name}\n{}{more}", image_text(&report)).as_bytes())?;
         talk.findings(&findings);
         return Ok(());
+    }
+    if a.mesh.is_some() {
+        return Err(frieze::Error::arguments("inspect.mesh", "--mesh goes with a picture, and this is none")
+            .in_file(&a.file)
+            .remedy("name the normal map first: frieze inspect MAP --mesh MODEL"));
     }
     let mut loaded = source::open(&a.file, &options)?;
     let mut report = inspect::scene(&loaded.scene, &job)?;
@@ -43,6 +71,54 @@ pub fn run(a: &Inspect, common: &Common, talk: &Talk) -> Result<()> {
     talk::data(scene_text(&name, &report).as_bytes())?;
     talk.findings(findings);
     Ok(())
+}
+
+/// Which basis of the model's largest mesh the map fits.
+fn basis(
+    model: &Path,
+    image: &Image,
+    report: &NormalReport,
+    options: &LoadOptions,
+    findings: &mut Vec<Finding>,
+) -> Result<BasisReport> {
+    let loaded = source::open(model, options)?;
+    let meshes = loaded.scene.meshes.iter();
+    // The first of the largest.
+    let Some(mesh) = meshes.rev().max_by_key(|m| (m.uv[0].is_some(), m.triangle_count())) else {
+        return Err(frieze::Error::input("inspect.no-mesh", "there is no mesh in it").in_file(model));
+    };
+    let r = inspect::basis::fit(mesh, image, &report.evidence, &options.job).map_err(|e| e.in_file(model))?;
+    findings.extend(loaded.findings);
+    findings.extend(inspect::basis::findings(&r).into_iter().map(|f| f.in_file(model)));
+    Ok(r)
+}
+
+fn basis_text(r: &BasisReport) -> String {
+    let mut t = format!(
+        "tangent basis: {}, green {} ({:.0} % sure); {} edges, {} of them seams\n",
+        r.basis,
+        r.green,
+        r.confidence * 100.0,
+        r.edges[0],
+        r.edges[1]
+    );
+    for f in &r.fits {
+        let _ = writeln!(
+            t,
+            "  {:<13} green {:<5} sides of edges differ by {:.2} degrees, of seams by {:.2}",
+            f.basis, f.green, f.angle, f.seam_angle
+        );
+    }
+    let _ = writeln!(t, "  as object space: {:.1} degrees from the mesh's own normals", r.object_angle);
+    let _ = writeln!(
+        t,
+        "  texture coordinates: {} triangles, {} mirrored, {} without area, {:.1} % of the texture used twice",
+        r.uv.triangles,
+        r.uv.mirrored,
+        r.uv.degenerate,
+        r.uv.overlap * 100.0
+    );
+    t
 }
 
 /// `12 345 678`
@@ -185,19 +261,76 @@ fn image_text(i: &ImageReport) -> String {
         mebibytes(i.bytes)
     );
     if let Some(n) = i.normal_map {
-        let which = match n.green {
-            "up" => "green points up (+Y, OpenGL, glTF)",
-            "down" => "green points down (-Y, DirectX)",
-            _ => "cannot tell whether green points up or down",
-        };
-        let _ = writeln!(
-            t,
-            "    normal map: {which}, confidence {:.0} %; vectors are off unit length by {:.3} on average",
-            n.confidence * 100.0,
-            n.length_error
-        );
+        normal_text(&mut t, &n);
     }
     t
+}
+
+fn normal_text(t: &mut String, n: &NormalReport) {
+    let e = &n.evidence;
+    let which = match n.green {
+        "up" => "green points up (+Y, OpenGL, glTF)",
+        "down" => "green points down (-Y, DirectX)",
+        _ => "cannot tell whether green points up or down",
+    };
+    let _ = writeln!(t, "    normal map: likeness {:.0} %", e.likeness * 100.0);
+    let mut line = |what: &str, sure: f32, evidence: String| {
+        let sure = format!("{:.0} %", sure * 100.0);
+        let _ = writeln!(t, "      {what:<46} {sure:>5}  {evidence}");
+    };
+    line(
+        which,
+        e.green.confidence,
+        format!(
+            "curl correlation {:.2}, {:.1} deviations, scale {} px",
+            e.green.correlation, e.green.significance, e.green.scale
+        ),
+    );
+    line(
+        &format!("space: {}", e.space.value),
+        e.space.confidence,
+        format!("{:.1} % point inward, mean {}", e.space.behind * 100.0, short(&e.space.mean)),
+    );
+    line(
+        &format!("layout: {}", e.layout.value),
+        e.layout.confidence,
+        format!("z moves by {:.4}, x and y ask for {:.4}", e.layout.z_spread, e.layout.rebuilt_spread),
+    );
+    line(
+        &format!("curve: {}", e.curve.value),
+        e.curve.confidence,
+        format!("middle of red and green {}", short(&e.curve.median.map(|m| m * 255.0))),
+    );
+    line(
+        &format!("flat code: {}", e.neutral.value),
+        e.neutral.confidence,
+        format!(
+            "codes {:?}, {:.1} % and {:.1} % of the texels",
+            e.neutral.codes,
+            e.neutral.share[0] * 100.0,
+            e.neutral.share[1] * 100.0
+        ),
+    );
+    line(
+        &format!("lengths: {}", e.length.value),
+        e.length.confidence,
+        format!(
+            "{:.1} % off by over 0.03, mean {:.3}, 95th {:.3}",
+            e.length.off_share * 100.0,
+            e.length.mean_error,
+            e.length.p95_error
+        ),
+    );
+    line(
+        &format!("edges: {}", e.tiles.value),
+        e.tiles.confidence,
+        format!("step across over the largest inside {}", short(&e.tiles.step)),
+    );
+    line(
+        &format!("banding: {}", e.banding.value),
+        e.banding.confidence,
+        format!("{:?} values in {} codes of 8 bits", e.banding.levels, short(&e.banding.span)),
+    );
 }
 
 #[test]

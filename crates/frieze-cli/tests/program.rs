@@ -225,7 +225,7 @@ fn frieze_simd_forces_a_level_or_is_exit_2() {
 
 #[test]
 fn help_has_examples_and_goes_to_stdout() {
-    for verb in ["render", "compare", "inspect", "explain", "games101", "completions", "man"] {
+    for verb in ["render", "compare", "convert", "inspect", "explain", "games101", "completions", "man"] {
         let o = frieze(here(), &[verb, "--help"]);
         assert!(code(&o) == 0 && out(&o).contains("Examples:") && o.stderr.is_empty(), "{verb}");
         let short = frieze(here(), &[verb, "-h"]);
@@ -347,6 +347,43 @@ fn inspect_counts() {
     let o = frieze(&dir, &["inspect", "one.obj"]);
     assert!(out(&o).contains("1 triangles in 1 objects"), "{}", out(&o));
     json(&frieze(&dir, &["inspect", "sample:teapot", "--json"]));
+}
+
+#[test]
+fn normal_maps_are_inspected_and_mended() {
+    let dir = folder("mend");
+    // Dimples 16 pixels apart, green down.
+    let mut texels = Vec::new();
+    for k in 0..96 * 96 {
+        let [x, y] = [k % 96, k / 96].map(|v| f32::from((v % 16) as u8) / 8.0 - 1.0);
+        let k = if x * x + y * y < 0.8 { 0.6 } else { 0.0 };
+        let (nx, ny) = (x * k, -y * k);
+        texels.extend([nx, -ny, (1.0 - nx * nx - ny * ny).sqrt()].map(|v| (v * 127.5 + 128.0) as u8));
+    }
+    let map = Image::new(96, 96, 3, Pixels::U8(texels), Encoding::Linear).unwrap();
+    image(&map, &dir.join("n.png"), &WriteOptions::default()).unwrap();
+    let d = json(&frieze(&dir, &["inspect", "n.png", "--json"]));
+    let e = &d["image"]["normal_map"]["evidence"];
+    assert_eq!((e["green"]["value"].as_str(), e["space"]["value"].as_str()), (Some("down"), Some("tangent")));
+    let o = frieze(&dir, &["inspect", "n.png"]);
+    assert!(out(&o).contains("-Y, DirectX") && out(&o).contains("curl"), "{}", out(&o));
+    let d = json(&frieze(&dir, &["convert", "n.png", "-o", "up.png", "--fix", "auto", "--json"]));
+    assert_eq!(d["steps"][0]["fix"], "flip-y", "{d}");
+    let d = json(&frieze(&dir, &["inspect", "up.png", "--json"]));
+    assert_eq!(d["image"]["normal_map"]["green"], "up");
+    // Nothing is left to do.
+    let d = json(&frieze(&dir, &["convert", "up.png", "-o", "same.png", "--fix", "auto", "--json"]));
+    assert_eq!(d["steps"].as_array().unwrap().len(), 0, "{d}");
+    let o = frieze(&dir, &["convert", "n.png", "-o", "two.png", "--fix", "flip-y,normalize"]);
+    assert!(code(&o) == 0 && err(&o).contains("flip-y"), "{}", err(&o));
+    assert_eq!(code(&frieze(&dir, &["convert", "n.png", "-o", "two.png", "--fix", "flip-y"])), 2, "it is there");
+    assert_eq!(code(&frieze(&dir, &["convert", "n.png", "-o", "3.png", "--fix", "flip"])), 2);
+    picture(&dir, "grey.png", |x, _| x as u8);
+    assert_eq!(code(&frieze(&dir, &["convert", "grey.png", "-o", "4.png", "--fix", "auto"])), 3);
+    let d = json(&frieze(&dir, &["inspect", "n.png", "--mesh", "sample:spheres", "--json"]));
+    assert_eq!(d["basis"]["fits"].as_array().unwrap().len(), 8);
+    let o = frieze(&dir, &["inspect", "n.png", "--mesh", "sample:spheres"]);
+    assert!(out(&o).contains("mikktspace"), "{}", out(&o));
 }
 
 #[test]

@@ -1,8 +1,12 @@
 //! What is in a scene or a picture: counts, bounds, texture coordinates, texel density, tangents, and which
 //! way the green channel of a normal map points.
 
+pub mod basis;
+pub mod normal;
+
+pub use normal::NormalReport;
+
 use crate::error::{Finding, Result};
-use crate::image::diff::{is_signed, normal};
 use crate::image::{Encoding, Image, Pixels};
 use crate::job::Job;
 use crate::mesh::Mesh;
@@ -150,17 +154,6 @@ pub struct ImageReport {
     pub used_as: Vec<&'static str>,
     /// What it holds if it is a tangent-space normal map.
     pub normal_map: Option<NormalReport>,
-}
-
-/// What is in a normal map.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct NormalReport {
-    /// `up` (+Y, OpenGL, glTF), `down` (-Y, DirectX) or `unknown`.
-    pub green: &'static str,
-    /// 0 (a guess) to 1 (certain): how much better a surface exists for this direction than for the other.
-    pub confidence: f32,
-    /// Mean distance of the vectors' lengths from 1.
-    pub length_error: f32,
 }
 
 /// What is in a light.
@@ -446,8 +439,8 @@ fn object(scene: &Scene, o: &Object, findings: &mut Vec<Finding>) -> ObjectRepor
 pub fn image(image: &Image, used_as: Vec<&'static str>, job: &Job) -> Result<ImageReport> {
     job.check()?;
     let known = used_as.contains(&"normal");
-    let normal_map = if image.channels() >= 2 && (known || used_as.is_empty() && looks_like_normals(image)) {
-        Some(normals(image))
+    let normal_map = if image.channels() >= 2 && (known || used_as.is_empty()) {
+        Some(normal::normals(image, job)?).filter(|n| known || n.evidence.likeness >= normal::LIKE)
     } else {
         None
     };
@@ -471,79 +464,12 @@ pub fn image(image: &Image, used_as: Vec<&'static str>, job: &Job) -> Result<Ima
     })
 }
 
-/// Nine of ten texels are vectors of about unit length that point out of the surface, and on the whole they
-/// point away from it more than along it (a light grey has about unit length, too).
-fn looks_like_normals(image: &Image) -> bool {
-    if image.channels() < 3 {
-        return false;
-    }
-    let signed = is_signed(image);
-    let (mut good, mut all, mut out) = (0u64, 0u64, 0.0);
-    // A hundred rows and columns suffice.
-    let step = |n: u32| (n / 100).max(1) as usize;
-    for y in (0..image.height()).step_by(step(image.height())) {
-        for x in (0..image.width()).step_by(step(image.width())) {
-            let [nx, ny, nz] = normal(image, x, y, signed);
-            let length = (nx * nx + ny * ny + nz * nz).sqrt();
-            good += u64::from(nz > 0.0 && (length - 1.0).abs() < 0.1);
-            all += 1;
-            out += nz;
-        }
-    }
-    good * 10 >= all * 9 && out > 0.65 * all as f64
-}
-
-/// Which way green points, by integrability: the slopes (p, q) of a height field have no curl, dp/dy =
-/// dq/dx. Of the two readings of the green channel the one with less curl is the right one (Frankot and
-/// Chellappa 1988 for the condition). Slopes are taken between neighbouring texels within the picture.
-fn normals(image: &Image) -> NormalReport {
-    let (w, h) = (image.width(), image.height());
-    let signed = is_signed(image);
-    let mut error = 0.0;
-    // The slope of the height to the right, and downwards if green points up.
-    let mut slopes = |x: u32, y: u32| -> [f64; 2] {
-        let [nx, ny, nz] = normal(image, x, y, signed);
-        error += ((nx * nx + ny * ny + nz * nz).sqrt() - 1.0).abs();
-        // Steeper than 1 : 20 says more about rounding than about the surface.
-        let nz = nz.max(0.05);
-        [-nx / nz, ny / nz]
-    };
-    let mut above: Vec<[f64; 2]> = Vec::new();
-    let (mut up, mut down) = (0.0, 0.0);
-    for y in 0..h {
-        let row: Vec<[f64; 2]> = (0..w).map(|x| slopes(x, y)).collect();
-        let (mut row_up, mut row_down) = (0.0, 0.0);
-        if y > 0 {
-            for x in 1..w as usize {
-                // Both differences at the middle of four texels.
-                let dp = row[x][0] + row[x - 1][0] - above[x][0] - above[x - 1][0];
-                let dq = row[x][1] + above[x][1] - row[x - 1][1] - above[x - 1][1];
-                row_up += (dp - dq) * (dp - dq);
-                row_down += (dp + dq) * (dp + dq);
-            }
-        }
-        up += row_up;
-        down += row_down;
-        above = row;
-    }
-    let score = if up + down > 0.0 { (down - up) / (down + up) } else { 0.0 };
-    NormalReport {
-        green: match score {
-            s if s > 0.1 => "up",
-            s if s < -0.1 => "down",
-            _ => "unknown",
-        },
-        confidence: score.abs() as f32,
-        length_error: (error / (f64::from(w) * f64::from(h))) as f32,
-    }
-}
-
 /// Whether the materials read a normal map as it seems to be meant.
 fn check_normal_map(scene: &Scene, k: usize, report: &ImageReport, findings: &mut Vec<Finding>) {
     let uses = scene.materials.iter().filter_map(|m| m.normal_map.as_ref()).filter(|n| n.texture.image == k);
     let Some(guess) = report.normal_map else { return };
     let place = format!("image {k}");
-    if report.used_as == ["normal"] && report.channels >= 3 && !looks_like_normals(&scene.images[k]) {
+    if report.used_as == ["normal"] && guess.evidence.likeness < normal::ODD {
         findings.push(
             Finding::warning(
                 "normal.odd",
@@ -555,18 +481,21 @@ fn check_normal_map(scene: &Scene, k: usize, report: &ImageReport, findings: &mu
     }
     for n in uses {
         let says = if n.y_down { "down" } else { "up" };
-        // Below, noise and compression decide.
-        if guess.green != "unknown" && guess.green != says && guess.confidence > 0.3 {
+        // Below, it is not worth a word.
+        if guess.green != "unknown" && guess.green != says && guess.confidence >= 0.8 {
             findings.push(
                 Finding::warning(
                     "normal.convention",
                     format!("the green of this normal map seems to point {}, it is read as {says}", guess.green),
                     format!("if bumps look like dents, set y = \"{}\" in a scene file", guess.green),
                 )
-                .at(place),
+                .at(place.clone()),
             );
-            return;
+            break;
         }
+    }
+    if guess.evidence.likeness >= normal::LIKE {
+        findings.extend(normal::findings(&guess).into_iter().map(|f| f.at(place.clone())));
     }
 }
 

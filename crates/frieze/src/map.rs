@@ -1,6 +1,7 @@
 //! A map is data you can query while shading: `at(place, footprint)`.
 
 mod area;
+pub mod evidence;
 mod fetch;
 pub mod filter;
 #[allow(clippy::module_inception)]

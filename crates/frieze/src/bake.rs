@@ -1,0 +1,3 @@
+//! What makes maps from meshes and other maps.
+
+pub mod repair;
