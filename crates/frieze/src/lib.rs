@@ -11,6 +11,7 @@
 //! # }
 //! ```
 
+pub mod bake;
 pub mod error;
 pub mod explain;
 pub mod frame;

@@ -1,0 +1,9 @@
+//! Makes maps. Never meets [`shade`](crate::shade), which asks them: what a texel means is said in
+//! [`map`](crate::map), for both.
+
+pub mod convert;
+pub mod slope;
+pub mod texels;
+
+pub use convert::convert;
+pub use texels::{Depth, Field};
