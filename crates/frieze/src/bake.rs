@@ -2,6 +2,8 @@
 //! [`map`](crate::map), for both.
 
 pub mod convert;
+pub mod fft;
+pub mod poisson;
 pub mod slope;
 pub mod texels;
 

@@ -305,6 +305,15 @@ impl<'a> Normals<'a> {
         }
         (f64::from(none) / f64::from(count), f64::from(off) / f64::from(count))
     }
+    /// Texels per row, and rows.
+    pub fn size(&self) -> (usize, usize) {
+        (self.image.width() as usize, self.image.height() as usize)
+    }
+    /// As [`Normals::row`], within a kernel.
+    #[inline(always)]
+    pub(super) fn fill<L: Lane>(&self, l: L, y: usize, out: &mut [Vec<f32>; 3]) {
+        lane::Kernel::run(NormalRow { normals: self, y, out }, l);
+    }
     /// Row `y`: unit normals, green up, into slices at least as long as the map is wide, rounded up to 16.
     pub fn row(&self, level: Level, y: usize, out: &mut [Vec<f32>; 3]) {
         level.run(NormalRow { normals: self, y, out });
