@@ -335,6 +335,7 @@ Examples:
   frieze convert wood_n.png -o both.png --to normal --with scratches_n.png
   frieze convert normal.png -o height.exr --to height --tile
   frieze convert normal.png -o curvature.png --to curvature
+  frieze convert normal.png -o normal.ktx2 --to bc5                  says what angle compression costs
 
 Maps are read as data: no sRGB curve is undone. Heights count in texels: --strength 24 says that white lies 24
 texels above black (that a float of 1 is 24 texels high), so a slope does not depend on the size of the map. With
@@ -344,7 +345,7 @@ the surface that filter = \"bicubic\" draws, which at texels is that of central;
 pub struct Convert {
     /// The map
     pub map: PathBuf,
-    /// Where to write: .png (8 or 16 bits), .exr (floats)
+    /// Where to write: .png (8 or 16 bits), .exr (floats), .ktx2 (bc5, bc7, ktx2)
     #[arg(short, long = "output", value_name = "OUT")]
     pub out: PathBuf,
     /// What to make
@@ -417,14 +418,11 @@ pub enum Target {
     /// A displaced mesh
     #[value(hide = true)]
     Mesh,
-    /// Blocks of two channels
-    #[value(hide = true)]
+    /// Normals in BC5 blocks, two channels (.ktx2)
     Bc5,
-    /// Blocks of three or four channels
-    #[value(hide = true)]
+    /// Normals in BC7 blocks, three channels (.ktx2)
     Bc7,
-    /// A KTX2 file
-    #[value(hide = true)]
+    /// Normals, not compressed, as a texture for graphics hardware (.ktx2)
     Ktx2,
 }
 

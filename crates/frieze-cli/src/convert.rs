@@ -4,6 +4,8 @@ use crate::args::{Common, Convert, Holds, MapDepth, Number, SlopeKernel, Target,
 use crate::bench::cpu_time;
 use crate::talk::Talk;
 use crate::version;
+use clap::ValueEnum;
+use frieze::bake::block;
 use frieze::bake::convert::{Converted, Kind, Options, convert};
 use frieze::bake::slope::{Edges, Kernel};
 use frieze::bake::texels::Depth;
@@ -11,7 +13,7 @@ use frieze::error::Finding;
 use frieze::job::Job;
 use frieze::load::{self, LoadOptions};
 use frieze::scene::material::Channel;
-use frieze::write::{self, FileKind, WriteOptions};
+use frieze::write::{self, FileKind, Ktx2, Ktx2Format, WriteOptions};
 use frieze::{Error, Result};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -23,7 +25,7 @@ use std::time::{Duration, Instant};
 struct Document<'a> {
     map: String,
     from: &'static str,
-    to: &'static str,
+    to: String,
     outputs: Vec<String>,
     size: [u32; 2],
     depth: &'static str,
@@ -72,9 +74,16 @@ pub fn run(a: &Convert, common: &Common, talk: &Talk) -> Result<()> {
     not_yet(a.to)?;
     let level = version::level()?;
     let job = talk.job(common);
-    let depth = depth(&a.out, a.depth)?;
     let write = WriteOptions { force: common.force, job: job.clone() };
-    write::check(&a.out, &[], &write)?;
+    let hardware = matches!(a.to, Target::Bc5 | Target::Bc7 | Target::Ktx2);
+    let depth = if hardware {
+        write::check_ktx2(&a.out, &write)?;
+        hardware_depth(a)?
+    } else {
+        let depth = depth(&a.out, a.depth)?;
+        write::check(&a.out, &[], &write)?;
+        depth
+    };
     let mut clock = Clock::new();
     // The user has named the files: they may lie anywhere.
     let load = LoadOptions { job: job.clone(), allow_outside: true };
@@ -89,19 +98,36 @@ pub fn run(a: &Convert, common: &Common, talk: &Talk) -> Result<()> {
         }
     };
     clock.lap("load");
-    let options = Options {
-        level,
-        detail,
-        depth,
-        seed: common.seed,
-        ..options(a, &job)
-    };
-    let made = convert(&image, kind(a.to), &options).map_err(|e| if e.file.is_none() { e.in_file(&a.map) } else { e })?;
+    let options = Options { level, detail, depth, seed: common.seed, ..options(a, &job) };
+    let made =
+        convert(&image, kind(a.to), &options).map_err(|e| if e.file.is_none() { e.in_file(&a.map) } else { e })?;
     drop(image);
     clock.lap("convert");
-    let Converted { image, from, findings: more, figures } = made;
+    let Converted { image, from, findings: more, mut figures } = made;
     findings.extend(more.into_iter().map(|f| f.in_file(&a.map)));
-    write::image(&image, &a.out, &write)?;
+    if hardware {
+        let (bytes, format) = match a.to {
+            Target::Ktx2 => {
+                let wide = depth == Depth::U16;
+                let _held = job.reserve(image.bytes() * 4 / 3, "the texture")?;
+                (block::rgba(&image, wide), if wide { Ktx2Format::Rgba16 } else { Ktx2Format::Rgba8 })
+            }
+            _ => {
+                let (format, ktx2) = match a.to {
+                    Target::Bc5 => (block::Format::Bc5, Ktx2Format::Bc5),
+                    _ => (block::Format::Bc7, Ktx2Format::Bc7),
+                };
+                let blocks = block::compress(&image, format, &job)?;
+                talk.say(format!("compressed: {:.3} degrees off on average, {:.3} at most", blocks.mean, blocks.max));
+                figures.extend([("angle_mean", blocks.mean), ("angle_max", blocks.max)]);
+                clock.lap("compress");
+                (blocks.bytes, ktx2)
+            }
+        };
+        write::ktx2(&Ktx2 { width: image.width(), height: image.height(), format, bytes: &bytes }, &a.out, &write)?;
+    } else {
+        write::image(&image, &a.out, &write)?;
+    }
     clock.lap("write");
     clock.finish();
     talk.finish();
@@ -113,7 +139,7 @@ pub fn run(a: &Convert, common: &Common, talk: &Talk) -> Result<()> {
             Document {
                 map: a.map.display().to_string(),
                 from: name(from),
-                to: name(kind(a.to)),
+                to: a.to.to_possible_value().map_or_else(String::new, |v| v.get_name().to_owned()),
                 outputs: vec![a.out.display().to_string()],
                 size: [image.width(), image.height()],
                 depth: match depth {
@@ -189,20 +215,27 @@ fn name(kind: Kind) -> &'static str {
 /// Words of the contract that this version cannot honour yet.
 fn not_yet(to: Target) -> Result<()> {
     let word = match to {
-        Target::Normal | Target::Derivative | Target::Curvature => return Ok(()),
-        Target::Height => "height",
+        Target::Normal | Target::Height | Target::Derivative | Target::Curvature => return Ok(()),
+        Target::Bc5 | Target::Bc7 | Target::Ktx2 => return Ok(()),
         Target::Cone => "cone",
         Target::Object => "object",
         Target::Tangent => "tangent",
         Target::Mesh => "mesh",
-        Target::Bc5 => "bc5",
-        Target::Bc7 => "bc7",
-        Target::Ktx2 => "ktx2",
     };
     Err(Error::arguments(
         "arguments.not-yet",
         format!("--to {word} comes with a later version of frieze; {} has it not yet", env!("CARGO_PKG_VERSION")),
     ))
+}
+
+/// Blocks are made of 16 bits; uncompressed textures have 8 unless 16 are asked for.
+fn hardware_depth(a: &Convert) -> Result<Depth> {
+    match (a.to, a.depth) {
+        (Target::Ktx2, None | Some(MapDepth::Eight)) => Ok(Depth::U8),
+        (Target::Ktx2, Some(MapDepth::Sixteen)) | (_, None) => Ok(Depth::U16),
+        (Target::Ktx2, _) => Err(Error::arguments("write.depth", "a .ktx2 is written with 8 or 16 bits")),
+        _ => Err(Error::arguments("write.depth", "blocks have a depth of their own: leave --depth out")),
+    }
 }
 
 /// What the numbers are stored in: what was typed, if the file can hold it.

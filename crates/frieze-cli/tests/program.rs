@@ -225,7 +225,7 @@ fn frieze_simd_forces_a_level_or_is_exit_2() {
 
 #[test]
 fn help_has_examples_and_goes_to_stdout() {
-    for verb in ["render", "compare", "inspect", "explain", "games101", "completions", "man"] {
+    for verb in ["render", "compare", "convert", "inspect", "explain", "games101", "completions", "man"] {
         let o = frieze(here(), &[verb, "--help"]);
         assert!(code(&o) == 0 && out(&o).contains("Examples:") && o.stderr.is_empty(), "{verb}");
         let short = frieze(here(), &[verb, "-h"]);

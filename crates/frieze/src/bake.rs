@@ -1,6 +1,7 @@
 //! Makes maps. Never meets [`shade`](crate::shade), which asks them: what a texel means is said in
 //! [`map`](crate::map), for both.
 
+pub mod block;
 pub mod convert;
 pub mod fft;
 pub mod poisson;
@@ -9,3 +10,6 @@ pub mod texels;
 
 pub use convert::convert;
 pub use texels::{Depth, Field};
+
+#[cfg(test)]
+mod tests;

@@ -2,6 +2,7 @@
 //!
 //! Heights and slopes are measured in texels. Images are read as data: no sRGB curve is undone.
 
+use super::poisson::{Heights, integrate};
 use super::slope::{Edges, Kernel, Slopes, Window, normal};
 use super::texels::{Depth, Field, Rows, Store, make};
 use crate::error::{Error, Finding, Result};
@@ -110,7 +111,10 @@ pub fn convert(image: &Image, to: Kind, options: &Options) -> Result<Converted> 
         Kind::Derivative | Kind::Curvature => return pair("slopes and curvature cannot be converted into other maps"),
     };
     let (signed, channels) = match to {
-        Kind::Height => return pair("heights are found by integrating a normal map: see poisson::integrate"),
+        Kind::Height => match source {
+            Source::Normal(n) => return to_height(&n, options, out),
+            Source::Height(_) => return pair("heights are there already"),
+        },
         Kind::Normal => (Signed::Normal { y_down: options.y_down }, 3),
         Kind::Derivative => (Signed::Slope { range: options.range.unwrap_or(1.0), y_down: options.y_down }, 2),
         Kind::Curvature => (Signed::Curvature { range: options.range.unwrap_or(0.5), edges: options.edges }, 1),
@@ -131,13 +135,81 @@ pub fn convert(image: &Image, to: Kind, options: &Options) -> Result<Converted> 
     let (made, clamped) = make(&rows, &store, &options.job, options.level)?;
     // Normals of unit length never leave the range, but for rounding.
     if clamped > 0 && to != Kind::Normal {
-        out.findings.push(Finding::warning(
-            "convert.clamped",
-            format!("{clamped} values lie outside of the range of the file"),
-            "they became its ends; give a larger --range, or write .exr",
-        ));
+        out.findings.push(clamping(clamped, "--range"));
     }
     Ok(Converted { image: made, from, findings: out.findings, figures: out.figures })
+}
+
+/// Rows of heights, scaled and moved.
+struct Lift<'a> {
+    heights: &'a Heights,
+    scale: f32,
+    offset: f32,
+}
+
+impl Rows for Lift<'_> {
+    type Scratch = ();
+    fn scratch(&self) {}
+    fn fill(&self, _: Level, (): &mut (), y: usize, out: &mut [Vec<f32>]) {
+        for (o, v) in out[0].iter_mut().zip(self.heights.row(y)) {
+            *o = *v * self.scale + self.offset;
+        }
+    }
+}
+
+fn to_height(normals: &Normals, options: &Options, mut out: Report) -> Result<Converted> {
+    let away = normals.facing_away();
+    if away > 0.0 {
+        out.findings.push(Finding::warning(
+            "convert.steep",
+            format!("{:.2} % of the normals lie in the surface or point away from it", away * 100.0),
+            "no height has their slope; they count as a slope of 100",
+        ));
+    }
+    let heights = integrate(normals, options.edges, &options.job, options.level)?;
+    let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
+    for v in (0..heights.height).flat_map(|y| heights.row(y)) {
+        low = if *v < low { *v } else { low };
+        high = if *v > high { *v } else { high };
+    }
+    if low == high {
+        out.findings.push(Finding::warning(
+            "convert.flat",
+            "all normals point up: the surface is flat",
+            "every height is the same",
+        ));
+    }
+    let float = options.depth.is_float();
+    let (strength, offset) = match options.strength {
+        Some(s) if s != 0.0 => (s, if float { 0.0 } else { 0.5 }),
+        _ if float => (1.0, 0.0),
+        _ if low == high => (1.0, 0.5),
+        // The whole range of the integers.
+        _ => (high - low, -low / (high - low)),
+    };
+    out.figures.extend([
+        ("strength", strength.into()),
+        ("midlevel", offset.into()),
+        ("lowest_texels", low.into()),
+        ("highest_texels", high.into()),
+    ]);
+    let (width, height) = (heights.width as u32, heights.height as u32);
+    let store = Store { width, height, channels: 1, depth: options.depth, dither: options.dither, seed: options.seed };
+    let rows = Lift { heights: &heights, scale: 1.0 / strength, offset };
+    let (image, clamped) = make(&rows, &store, &options.job, options.level)?;
+    // The ends of the range are reached exactly, but for rounding.
+    if clamped > 0 && options.strength.is_some() {
+        out.findings.push(clamping(clamped, "--strength"));
+    }
+    Ok(Converted { image, from: Kind::Normal, findings: out.findings, figures: out.figures })
+}
+
+fn clamping(count: u64, option: &str) -> Finding {
+    Finding::warning(
+        "convert.clamped",
+        format!("{count} values lie outside of the range of the file"),
+        format!("they became its ends; give a larger {option}, or write .exr"),
+    )
 }
 
 #[derive(Default)]
@@ -179,7 +251,7 @@ fn guess(image: &Image, to: Kind, out: &mut Report) -> Kind {
 /// A height field with its findings.
 fn heights<'a>(image: &'a Image, options: &Options, out: &mut Report) -> Result<Slopes<'a>> {
     let field = Field::new(image, options.channel)?;
-    let (low, high, bad) = field.range(&options.job)?;
+    let (flat, bad) = field.survey(&options.job)?;
     if bad > 0 {
         out.findings.push(Finding::warning(
             "convert.not-finite",
@@ -187,14 +259,14 @@ fn heights<'a>(image: &'a Image, options: &Options, out: &mut Report) -> Result<
             "those count as 0, or as the largest",
         ));
     }
-    if low == high {
+    if flat {
         out.findings.push(Finding::warning(
             "convert.flat",
-            format!("all heights are {low}: the surface is flat"),
+            "all heights are the same: the surface is flat",
             "every normal points up; choose another --channel if the heights are in another one",
         ));
     }
-    if matches!(image.pixels(), Pixels::U8(_)) && low != high {
+    if matches!(image.pixels(), Pixels::U8(_)) && !flat {
         out.findings.push(Finding::warning(
             "convert.eight-bits",
             "the heights have 8 bits: slow slopes come out in steps",
@@ -210,7 +282,7 @@ fn heights<'a>(image: &'a Image, options: &Options, out: &mut Report) -> Result<
         ));
         s
     });
-    out.figures.extend([("strength", strength.into()), ("lowest", low.into()), ("highest", high.into())]);
+    out.figures.push(("strength", strength.into()));
     Ok(Slopes { field, kernel: options.kernel, edges: options.edges, strength })
 }
 
@@ -304,6 +376,16 @@ impl<'a> Normals<'a> {
             }
         }
         (f64::from(none) / f64::from(count), f64::from(off) / f64::from(count))
+    }
+    /// The share, of a grid of texels, that has no slope.
+    fn facing_away(&self) -> f64 {
+        let (mut away, mut count) = (0, 0);
+        for c in grid(self.image, 256) {
+            let z = if self.signed { c[2] } else { c[2] * 2.0 - 1.0 };
+            away += u32::from(self.channels != 2 && z < 0.01);
+            count += 1;
+        }
+        f64::from(away) / f64::from(count)
     }
     /// Texels per row, and rows.
     pub fn size(&self) -> (usize, usize) {
@@ -450,7 +532,9 @@ impl lane::Kernel for FromSlopes<'_> {
     #[inline(always)]
     fn run<L: Lane>(self, l: L) {
         let [a, b, c] = self.out;
-        for ((a, b), c) in a.chunks_exact_mut(L::WIDTH).zip(b.chunks_exact_mut(L::WIDTH)).zip(c.chunks_exact_mut(L::WIDTH)) {
+        for ((a, b), c) in
+            a.chunks_exact_mut(L::WIDTH).zip(b.chunks_exact_mut(L::WIDTH)).zip(c.chunks_exact_mut(L::WIDTH))
+        {
             let n = normal(l.load(a), l.load(b));
             n.x.store(a);
             n.y.store(b);

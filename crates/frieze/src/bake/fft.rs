@@ -60,7 +60,8 @@ impl Plan {
             return Plan { n, size: n, stages: stages(&radices, n), bluestein: None };
         }
         let size = (2 * n - 1).next_power_of_two();
-        let chirp: Vec<[f64; 2]> = (0..n).map(|k| root((k as u128 * k as u128 % (2 * n) as u128) as usize, 2 * n)).collect();
+        let chirp: Vec<[f64; 2]> =
+            (0..n).map(|k| root((k as u128 * k as u128 % (2 * n) as u128) as usize, 2 * n)).collect();
         // In f64, by the recursion that every textbook has.
         let mut spectrum = vec![[0.0; 2]; size];
         for (k, [re, im]) in chirp.iter().enumerate() {
@@ -203,8 +204,12 @@ impl Stage {
                 let to = t + s * self.radix * q;
                 match self.radix {
                     4 => {
-                        let [a, b, c, d] =
-                            [get(l, x, from), get(l, x, from + s * m), get(l, x, from + 2 * s * m), get(l, x, from + 3 * s * m)];
+                        let [a, b, c, d] = [
+                            get(l, x, from),
+                            get(l, x, from + s * m),
+                            get(l, x, from + 2 * s * m),
+                            get(l, x, from + 3 * s * m),
+                        ];
                         let (ac, bd) = (add(a, c), add(b, d));
                         let (a_c, b_d) = (sub(a, c), turn(sub(b, d)));
                         put::<L>(y, to, add(ac, bd));
@@ -407,14 +412,22 @@ mod tests {
                     for k in 0..n {
                         let want: f64 = (0..n)
                             .map(|i| {
-                                let turn = if periodic { (i * k) as f64 / n as f64 } else { ((2 * i + 1) * k) as f64 / (4 * n) as f64 };
+                                let turn = if periodic {
+                                    (i * k) as f64 / n as f64
+                                } else {
+                                    ((2 * i + 1) * k) as f64 / (4 * n) as f64
+                                };
                                 let (s, c) = sin_cos_f64(turn * TAU);
                                 f64::from(x[i]) * if periodic { c + s } else { c }
                             })
                             .sum();
                         // A few roundings of a sum of n numbers below 1.
                         let bound = 1e-6 * (n as f64).sqrt().max(2.0);
-                        assert!((want - f64::from(all[0][0][j][k])).abs() < bound, "{n} {periodic} {k} {want} {}", all[0][0][j][k]);
+                        assert!(
+                            (want - f64::from(all[0][0][j][k])).abs() < bound,
+                            "{n} {periodic} {k} {want} {}",
+                            all[0][0][j][k]
+                        );
                         assert!((x[k] - all[0][1][j][k]).abs() < 2e-6, "{n} {periodic} {k}");
                     }
                 }

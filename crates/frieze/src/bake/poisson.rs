@@ -71,7 +71,8 @@ fn eigenvalues(n: usize, periodic: bool, room: usize) -> Vec<f32> {
 pub fn integrate(normals: &Normals, edges: Edges, job: &Job, level: Level) -> Result<Heights> {
     let (width, height) = normals.size();
     let halves = [width.div_ceil(2), height.div_ceil(2)];
-    let pitch = halves[0] + halves[0].next_multiple_of(16);
+    // Whole vectors are read from each half and written to the end.
+    let pitch = (halves[0] + halves[0].next_multiple_of(16)).max(width.next_multiple_of(16));
     let periodic = edges == Edges::Wrap;
     let lanes = level.run(Lanes);
     let strips = halves[0].div_ceil(lanes);
@@ -216,7 +217,9 @@ impl Solver<'_> {
             let (above, from_above) = between(row - 1, h, self.edges);
             let slopes = &lines.slopes;
             // Rows around the edge below, and the one above; beyond the map a weight is 0, whatever is read.
-            let line = |from: isize, j: usize| &slopes[(k as isize + 2 + from + j as isize).clamp(0, count as isize + 3) as usize][1];
+            let line = |from: isize, j: usize| {
+                &slopes[(k as isize + 2 + from + j as isize).clamp(0, count as isize + 3) as usize][1]
+            };
             let out = &mut lines.divergence[at + k];
             let gx = &slopes[k + 2][0];
             for x in (0..room).step_by(L::WIDTH) {
@@ -247,7 +250,8 @@ impl Solver<'_> {
             const D: [f32; 5] = [-1.0 / 24.0, 14.0 / 24.0, 0.0, -14.0 / 24.0, 1.0 / 24.0];
             let mut x = inside.start;
             while x + L::WIDTH <= inside.end {
-                let v = (l.load(&gx[x..]) - l.load(&gx[x + 4..])) * D[0] + (l.load(&gx[x + 1..]) - l.load(&gx[x + 3..])) * D[1];
+                let v = (l.load(&gx[x..]) - l.load(&gx[x + 4..])) * D[0]
+                    + (l.load(&gx[x + 1..]) - l.load(&gx[x + 3..])) * D[1];
                 (l.load(&out[x..]) + v).store(&mut out[x..]);
                 x += L::WIDTH;
             }
@@ -274,6 +278,8 @@ fn scatter<L: Lane>(l: L, count: usize, rows: &mut [f32], pitch: usize, values: 
         for k in 0..n {
             values(from + k).store(&mut block[k]);
         }
+        // What is written beyond a row's end may stand beside its last number as the other half of a pair.
+        block[n..].fill([0.0; 16]);
         for c in (0..L::WIDTH).step_by(8) {
             let columns = l.transpose_from(
                 #[inline(always)]

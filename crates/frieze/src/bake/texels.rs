@@ -132,26 +132,25 @@ impl<'a> Field<'a> {
             out.iter_mut().zip(row.chunks_exact(n)).for_each(|(o, p)| *o = number(p[c]));
         }
     }
-    /// Smallest and largest value (full range 1), and how many were not finite.
-    pub fn range(&self, job: &Job) -> Result<(f32, f32, u64)> {
+    /// Whether all values are the same, and how many are no numbers. Integers are looked at until two differ.
+    ///
+    /// # Errors
+    /// `job.interrupted`.
+    pub fn survey(&self, job: &Job) -> Result<(bool, u64)> {
         let w = self.image.width() as usize;
-        let rows: Vec<(f32, f32, u64)> = job.run(|| {
-            (0..self.image.height() as usize)
-                .into_par_iter()
-                .map_init(
-                    || vec![0.0; w],
-                    |row, y| {
-                        let bad = self.codes(y, row);
-                        let lo = row.iter().fold(f32::INFINITY, |a, &b| if b < a { b } else { a });
-                        let hi = row.iter().fold(f32::NEG_INFINITY, |a, &b| if b > a { b } else { a });
-                        (lo, hi, bad)
-                    },
-                )
-                .collect()
-        });
-        job.check()?;
-        let all = rows.into_iter().reduce(|a, b| (a.0.min(b.0), a.1.max(b.1), a.2 + b.2)).expect("there is a row");
-        Ok((all.0 * self.unit(), all.1 * self.unit(), all.2))
+        let integers = matches!(self.image.pixels(), Pixels::U8(_) | Pixels::U16(_));
+        let mut row = vec![0.0f32; w];
+        let (mut first, mut flat, mut bad) = (None, true, 0);
+        for y in 0..self.image.height() as usize {
+            job.check()?;
+            bad += self.codes(y, &mut row);
+            let first = *first.get_or_insert(row[0]);
+            flat = flat && row.iter().all(|v| *v == first);
+            if integers && !flat {
+                break;
+            }
+        }
+        Ok((flat, bad))
     }
 }
 
@@ -266,7 +265,14 @@ struct Dithered(u64);
 
 /// `round(most v)`, halves up, as [`quantize`](crate::map::normal::quantize) does, and how many values lay outside.
 #[inline(always)]
-fn quantized<L: Lane>(l: L, values: &[f32], most: f32, codes: &mut [[i32; 16]; 4], c: usize, dither: Option<&[f32; 16]>) -> u32 {
+fn quantized<L: Lane>(
+    l: L,
+    values: &[f32],
+    most: f32,
+    codes: &mut [[i32; 16]; 4],
+    c: usize,
+    dither: Option<&[f32; 16]>,
+) -> u32 {
     let mut outside = 0;
     for k in (0..16).step_by(L::WIDTH) {
         let v = l.load(&values[k..]);
@@ -296,13 +302,17 @@ macro_rules! put_integers {
                     for $c in 0..n {
                         let $x = 16 * k;
                         let noise: Option<[f32; 16]> = $noise;
-                        clamped += u64::from(quantized(l, &planes[$c][16 * k..], $most, &mut codes, $c, noise.as_ref()));
+                        clamped +=
+                            u64::from(quantized(l, &planes[$c][16 * k..], $most, &mut codes, $c, noise.as_ref()));
                     }
                     match n {
                         1 => part.iter_mut().zip(&codes[0]).for_each(|(o, v)| *o = *v as $T),
-                        3 => part.chunks_exact_mut(3).zip(&codes[0]).zip(&codes[1]).zip(&codes[2]).for_each(
-                            |(((o, r), g), b)| (o[0], o[1], o[2]) = (*r as $T, *g as $T, *b as $T),
-                        ),
+                        3 => part
+                            .chunks_exact_mut(3)
+                            .zip(&codes[0])
+                            .zip(&codes[1])
+                            .zip(&codes[2])
+                            .for_each(|(((o, r), g), b)| (o[0], o[1], o[2]) = (*r as $T, *g as $T, *b as $T)),
                         _ => part.chunks_exact_mut(n).enumerate().for_each(|(x, o)| {
                             o.iter_mut().zip(&codes).for_each(|(o, c)| *o = c[x] as $T);
                         }),
@@ -355,7 +365,11 @@ impl Put<f16> for Rounded {
     #[inline(always)]
     fn row<L: Lane>(self, _: L, _: usize, planes: &[Vec<f32>], n: usize, out: &mut [f16]) -> u64 {
         for (c, plane) in planes.iter().enumerate() {
-            out.iter_mut().skip(c).step_by(n).zip(plane).for_each(|(o, v)| *o = f16::from_f32(v.clamp(-65504.0, 65504.0) + 0.0));
+            out.iter_mut()
+                .skip(c)
+                .step_by(n)
+                .zip(plane)
+                .for_each(|(o, v)| *o = f16::from_f32(v.clamp(-65504.0, 65504.0) + 0.0));
         }
         0
     }
