@@ -335,6 +335,7 @@ Examples:
   frieze convert wood_n.png -o both.png --to normal --with scratches_n.png
   frieze convert normal.png -o height.exr --to height --tile
   frieze convert normal.png -o curvature.png --to curvature
+  frieze convert normal.png -o object.png --to object --mesh head.glb
   frieze convert normal.png -o normal.ktx2 --to bc5                  says what angle compression costs
 
 Maps are read as data: no sRGB curve is undone. Heights count in texels: --strength 24 says that white lies 24
@@ -384,6 +385,11 @@ pub struct Convert {
     /// A second normal map, of the same conventions, whose detail is put on the first (reoriented)
     #[arg(long, value_name = "MAP")]
     pub with: Option<PathBuf>,
+    /// The mesh that wears the map, for --to object and --to tangent
+    ///
+    /// Its own tangents count, or MikkTSpace where it has none.
+    #[arg(long, value_name = "MESH")]
+    pub mesh: Option<PathBuf>,
     /// What the numbers are stored in [default: 16 for .png, f32 for .exr]
     #[arg(long, value_enum, value_name = "DEPTH")]
     pub depth: Option<MapDepth>,
@@ -409,11 +415,9 @@ pub enum Target {
     /// A cone map, for cone stepping
     #[value(hide = true)]
     Cone,
-    /// Object-space normals
-    #[value(hide = true)]
+    /// Object-space normals from tangent-space ones (with --mesh)
     Object,
-    /// Tangent-space normals from object-space ones
-    #[value(hide = true)]
+    /// Tangent-space normals from object-space ones (with --mesh)
     Tangent,
     /// A displaced mesh
     #[value(hide = true)]

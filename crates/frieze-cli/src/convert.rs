@@ -8,8 +8,9 @@ use clap::ValueEnum;
 use frieze::bake::block;
 use frieze::bake::convert::{Converted, Kind, Options, convert};
 use frieze::bake::slope::{Edges, Kernel};
+use frieze::bake::space::{Space, change_space};
 use frieze::bake::texels::Depth;
-use frieze::error::Finding;
+use frieze::error::{Fault, Finding};
 use frieze::job::Job;
 use frieze::load::{self, LoadOptions};
 use frieze::scene::material::Channel;
@@ -216,10 +217,8 @@ fn name(kind: Kind) -> &'static str {
 fn not_yet(to: Target) -> Result<()> {
     let word = match to {
         Target::Normal | Target::Height | Target::Derivative | Target::Curvature => return Ok(()),
-        Target::Bc5 | Target::Bc7 | Target::Ktx2 => return Ok(()),
+        Target::Object | Target::Tangent | Target::Bc5 | Target::Bc7 | Target::Ktx2 => return Ok(()),
         Target::Cone => "cone",
-        Target::Object => "object",
-        Target::Tangent => "tangent",
         Target::Mesh => "mesh",
     };
     Err(Error::arguments(

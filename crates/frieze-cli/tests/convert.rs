@@ -116,6 +116,33 @@ fn conventions_depths_and_blocks() {
 }
 
 #[test]
+fn a_mesh_turns_a_map_to_object_space_and_back() {
+    let dir = folder("space");
+    ramp(&dir);
+    // A square that faces +X; its u grows to -Z.
+    let square = "v 0 0 1\nv 0 0 -1\nv 0 2 -1\nv 0 2 1\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nf 1/1 2/2 3/3 4/4\n";
+    std::fs::write(dir.join("square.obj"), square).unwrap();
+    std::fs::write(dir.join("bare.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+    json(&dir, &["height.png", "-o", "n.exr", "--to", "normal", "--strength", "400"]);
+    let d = json(&dir, &["n.exr", "-o", "object.exr", "--to", "object", "--mesh", "square.obj"]);
+    assert_eq!((&d["to"], d["figures"]["covered"].as_f64()), (&"object".into(), Some(1.0)));
+    let (n, object) = (map(&dir, "n.exr"), map(&dir, "object.exr"));
+    assert!((object.value(9, 9, 0) - n.value(9, 9, 2)).abs() < 1e-5);
+    assert!((object.value(9, 9, 2) - (1.0 - n.value(9, 9, 0))).abs() < 1e-5);
+    json(&dir, &["object.exr", "-o", "back.exr", "--to", "tangent", "--mesh", "square.obj"]);
+    assert!((map(&dir, "back.exr").value(9, 9, 0) - n.value(9, 9, 0)).abs() < 1e-5);
+    for (args, exit, word) in [
+        (&["n.exr", "-o", "o.png", "--to", "object"][..], 2, "--mesh"),
+        (&["n.exr", "-o", "o.png", "--to", "normal", "--mesh", "square.obj"], 2, "--mesh"),
+        (&["n.exr", "-o", "o.png", "--to", "object", "--mesh", "bare.obj"], 3, "convert.mesh-uv"),
+        (&["n.exr", "-o", "o.png", "--to", "object", "--mesh", "missing.obj"], 3, "missing.obj"),
+    ] {
+        let o = frieze(&dir, args);
+        assert!(code(&o) == exit && err(&o).contains(word), "{args:?}: {} {}", code(&o), err(&o));
+    }
+}
+
+#[test]
 fn what_cannot_be_done_is_said() {
     let dir = folder("errors");
     ramp(&dir);

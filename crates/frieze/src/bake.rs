@@ -6,6 +6,7 @@ pub mod convert;
 pub mod fft;
 pub mod poisson;
 pub mod slope;
+pub mod space;
 pub mod texels;
 
 pub use convert::convert;
