@@ -100,8 +100,27 @@ pub fn run(a: &Convert, common: &Common, talk: &Talk) -> Result<()> {
     };
     clock.lap("load");
     let options = Options { level, detail, depth, seed: common.seed, ..options(a, &job) };
-    let made =
-        convert(&image, kind(a.to), &options).map_err(|e| if e.file.is_none() { e.in_file(&a.map) } else { e })?;
+    let space = match a.to {
+        Target::Object => Some(Space::Object),
+        Target::Tangent => Some(Space::Tangent),
+        _ => None,
+    };
+    let made = match (space, &a.mesh) {
+        (None, None) => convert(&image, kind(a.to), &options),
+        (None, Some(_)) => Err(Error::arguments("arguments.usage", "--mesh goes with --to object and --to tangent")),
+        (Some(_), None) => {
+            Err(Error::arguments("arguments.usage", "the mesh that wears the map is needed")
+                .remedy("give it with --mesh"))
+        }
+        (Some(space), Some(mesh)) => {
+            let loaded = load::load(mesh, &load)?;
+            findings.extend(loaded.findings);
+            clock.lap("mesh");
+            change_space(&image, &loaded.scene.meshes, space, &options)
+                .map_err(|e| if e.code == "convert.mesh-uv" { e.in_file(mesh) } else { e })
+        }
+    };
+    let made = made.map_err(|e| if e.fault == Fault::Input { e.in_file(&a.map) } else { e })?;
     drop(image);
     clock.lap("convert");
     let Converted { image, from, findings: more, mut figures } = made;
