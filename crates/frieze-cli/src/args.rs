@@ -29,6 +29,7 @@ Examples:
   frieze render scene.toml -o scene.exr         a scene file, to linear light
   frieze compare expected.png actual.png        how two pictures differ
   frieze inspect model.obj                      what is in a file, and what is odd about it
+  frieze convert height.png -o n.png --to normal  a normal map of a height map
 
 Exit codes:
   0 done   1 a check that was asked for failed   2 bad arguments   3 bad input file
@@ -96,8 +97,8 @@ pub enum Verb {
     Render(Box<Render>),
     /// Tell how two pictures or maps differ
     Compare(Compare),
-    /// Mend a normal map
-    Convert(Convert),
+    /// Turn maps into maps: heights into normals and back, conventions, curvature
+    Convert(Box<Convert>),
     /// Tell what is in a model, a scene or a picture
     Inspect(Inspect),
     /// Tell why a pixel has its colour
@@ -324,6 +325,187 @@ pub struct Compare {
     pub normals: bool,
 }
 
+/// `frieze convert`
+#[derive(Args, Debug)]
+#[command(after_long_help = "\
+Examples:
+  frieze convert height.png -o normal.png --to normal --strength 24
+  frieze convert height.exr -o normal.png --to normal --texel-size 0.002 --tile
+  frieze convert normal.png -o directx.png --to normal --y down      flips green, makes lengths 1
+  frieze convert wood_n.png -o both.png --to normal --with scratches_n.png
+  frieze convert normal.png -o height.exr --to height --tile
+  frieze convert normal.png -o curvature.png --to curvature
+  frieze convert normal.png -o object.png --to object --mesh head.glb
+  frieze convert normal.png -o normal.ktx2 --to bc5                  says what angle compression costs
+  frieze convert odd.png -o normal.png --fix auto                    mends what `frieze inspect odd.png` finds
+  frieze convert bc5.png -o normal.png --fix rebuild-z,normalize
+
+--fix auto mends what `frieze inspect` is at least 90 % sure of, leaves green pointing up (+Y), says what it did and
+why, and leaves alone what it is not sure of. It never closes seams, as no map tells whether it should tile.
+
+Maps are read as data: no sRGB curve is undone. Heights count in texels: --strength 24 says that white lies 24
+texels above black (that a float of 1 is 24 texels high), so a slope does not depend on the size of the map. With
+--texel-size it is AMPLITUDE / SIZE. A height's midlevel makes no difference to its slope. Kernels, for a wave of
+k radians per texel: sobel and central keep sin(k)/k of a slope, spline 1 - k^4/180; bicubic is the gradient of
+the surface that filter = \"bicubic\" draws, which at texels is that of central; forward is h[+1] - h[0].")]
+pub struct Convert {
+    /// The map
+    pub map: PathBuf,
+    /// Where to write: .png (8 or 16 bits), .exr (floats), .ktx2 (bc5, bc7, ktx2)
+    #[arg(short, long = "output", value_name = "OUT")]
+    pub out: PathBuf,
+    /// What to make
+    #[arg(long, value_enum, value_name = "KIND", required_unless_present = "fix")]
+    pub to: Option<Target>,
+    /// What to mend, with commas between: auto, flip-y, srgb, normalize, neutral, rebuild-z, seams
+    ///
+    /// auto mends what `frieze inspect` finds for certain, and says what it did and why.
+    #[arg(long, value_name = "ISSUES", value_delimiter = ',', value_parser = crate::convert_fix::issue)]
+    #[arg(conflicts_with_all = ["to", "from", "strength", "texel_size", "with", "mesh"])]
+    pub fix: Vec<crate::convert_fix::Issue>,
+    /// What the map holds [default: guessed]
+    #[arg(long, value_enum, value_name = "KIND")]
+    pub from: Option<Holds>,
+    /// How many texels high the full range of heights is [default: 2 % of the width; for heights that are made, as needed]
+    #[arg(long, value_name = "TEXELS", value_parser = finite, conflicts_with = "texel_size", allow_negative_numbers = true)]
+    pub strength: Option<f32>,
+    /// How wide a texel is, metres
+    #[arg(long, value_name = "METRES", value_parser = positive)]
+    pub texel_size: Option<f32>,
+    /// How high the full range of heights is, metres [default: 1]
+    #[arg(long, value_name = "METRES", value_parser = finite, requires = "texel_size", allow_negative_numbers = true)]
+    pub amplitude: Option<f32>,
+    /// Which number of a texel is its height: r, g, b, a, luminance or rgb-norm
+    #[arg(long, value_enum, value_name = "CHANNEL", default_value = "r")]
+    pub channel: Number,
+    /// How slopes are found
+    #[arg(long, value_enum, value_name = "KERNEL", default_value = "sobel")]
+    pub kernel: SlopeKernel,
+    /// The map is a tile: its edges meet. Without it slopes are one-sided at the edges
+    #[arg(long)]
+    pub tile: bool,
+    /// Where green points in the normal map that is made: up (OpenGL, glTF) or down (DirectX)
+    #[arg(long, value_enum, value_name = "WAY", default_value = "up")]
+    pub y: Way,
+    /// Where green points in the normal map that is read
+    #[arg(long, value_enum, value_name = "WAY", default_value = "up")]
+    pub from_y: Way,
+    /// Channels of the normal map that is read; 2 rebuilds blue
+    #[arg(long, value_name = "2|3", value_parser = clap::value_parser!(u8).range(2..=3), default_value = "3")]
+    pub channels: u8,
+    /// A second normal map, of the same conventions, whose detail is put on the first (reoriented)
+    #[arg(long, value_name = "MAP")]
+    pub with: Option<PathBuf>,
+    /// The mesh that wears the map, for --to object and --to tangent
+    ///
+    /// Its own tangents count, or MikkTSpace where it has none.
+    #[arg(long, value_name = "MESH")]
+    pub mesh: Option<PathBuf>,
+    /// What the numbers are stored in [default: 16 for .png, f32 for .exr]
+    #[arg(long, value_enum, value_name = "DEPTH")]
+    pub depth: Option<MapDepth>,
+    /// Round 8 bits plainly, without noise
+    #[arg(long)]
+    pub no_dither: bool,
+    /// The slope or the curvature at the ends of an integer's range [default: 1, 0.5]
+    #[arg(long, value_name = "X", value_parser = positive)]
+    pub range: Option<f32>,
+}
+
+/// What `frieze convert` makes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Target {
+    /// Tangent-space normals
+    Normal,
+    /// Heights (from normals)
+    Height,
+    /// Slopes along u (red) and v (green)
+    Derivative,
+    /// Mean curvature, positive where it bulges out
+    Curvature,
+    /// A cone map, for cone stepping
+    #[value(hide = true)]
+    Cone,
+    /// Object-space normals from tangent-space ones (with --mesh)
+    Object,
+    /// Tangent-space normals from object-space ones (with --mesh)
+    Tangent,
+    /// A displaced mesh
+    #[value(hide = true)]
+    Mesh,
+    /// Normals in BC5 blocks, two channels (.ktx2)
+    Bc5,
+    /// Normals in BC7 blocks, three channels (.ktx2)
+    Bc7,
+    /// Normals, not compressed, as a texture for graphics hardware (.ktx2)
+    Ktx2,
+}
+
+/// What `frieze convert` reads.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Holds {
+    /// Heights
+    Height,
+    /// Tangent-space normals
+    Normal,
+}
+
+/// A number of a texel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Number {
+    /// Red, or grey
+    R,
+    /// Green
+    G,
+    /// Blue
+    B,
+    /// Alpha
+    A,
+    /// Rec. 709 luminance of the values as they are stored
+    Luminance,
+    /// Length of the RGB vector
+    RgbNorm,
+}
+
+/// How slopes are found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum SlopeKernel {
+    /// 3x3, least noise
+    Sobel,
+    /// Half the difference of the neighbours
+    Central,
+    /// Gradient of the Catmull-Rom surface: at texels that of central
+    Bicubic,
+    /// Difference to the next texel
+    Forward,
+    /// Gradient of the bicubic B-spline through the heights
+    Spline,
+}
+
+/// Where green points.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Way {
+    /// Up the image
+    Up,
+    /// Down the image
+    Down,
+}
+
+/// What numbers are stored in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum MapDepth {
+    /// 8 bits, dithered
+    #[value(name = "8")]
+    Eight,
+    /// 16 bits
+    #[value(name = "16")]
+    Sixteen,
+    /// Half floats
+    F16,
+    /// Single floats
+    F32,
+}
+
 /// `frieze inspect`
 #[derive(Args, Debug)]
 #[command(after_long_help = "\
@@ -342,27 +524,6 @@ pub struct Inspect {
     /// Let the files name others outside of their own folder
     #[arg(long)]
     pub allow_outside: bool,
-}
-
-/// `frieze convert`
-#[derive(Args, Debug)]
-#[command(after_long_help = "\
-Examples:
-  frieze convert directx_normal.png -o normal.png --fix flip-y
-  frieze convert odd_normal.png -o normal.png --fix auto
-  frieze convert bc5.png -o normal.png --fix rebuild-z,normalize
-
-auto mends what `frieze inspect` is at least 90 % sure of, leaves green pointing up (+Y), says what it did and
-why, and leaves alone what it is not sure of. It never closes seams, as no map tells whether it should tile.")]
-pub struct Convert {
-    /// The map
-    pub map: PathBuf,
-    /// Where to write: .png (8 or 16 bits), .exr (floats)
-    #[arg(short, long = "output", value_name = "OUT")]
-    pub out: PathBuf,
-    /// What to mend, with commas between: auto, flip-y, srgb, normalize, neutral, rebuild-z, seams
-    #[arg(long, value_name = "ISSUES", value_delimiter = ',', required = true, value_parser = crate::convert_fix::issue)]
-    pub fix: Vec<crate::convert_fix::Issue>,
 }
 
 /// `frieze explain`
@@ -493,6 +654,12 @@ fn bits(s: &str) -> Result<u8, String> {
 fn pixel(s: &str) -> Result<(u32, u32), String> {
     let parts = s.split_once(',').and_then(|(x, y)| Some((x.trim().parse().ok()?, y.trim().parse().ok()?)));
     parts.ok_or_else(|| format!("`{s}` is not a pixel; write X,Y such as 512,384"))
+}
+
+/// A number above 0.
+fn positive(s: &str) -> Result<f32, String> {
+    let v = finite(s)?;
+    if v > 0.0 { Ok(v) } else { Err(format!("`{s}` is not above 0")) }
 }
 
 fn aov(s: &str) -> Result<Plane, String> {

@@ -78,14 +78,14 @@ pub fn sums(stages: &[(&'static str, Duration)]) -> BTreeMap<&'static str, f64> 
 
 /// User and system time of all threads of this process.
 #[cfg(unix)]
-fn cpu_time() -> Option<Duration> {
+pub fn cpu_time() -> Option<Duration> {
     use rustix::time::{ClockId, clock_gettime};
     let t = clock_gettime(ClockId::ProcessCPUTime);
     Some(Duration::new(u64::try_from(t.tv_sec).ok()?, u32::try_from(t.tv_nsec).ok()?))
 }
 
 #[cfg(not(unix))]
-fn cpu_time() -> Option<Duration> {
+pub fn cpu_time() -> Option<Duration> {
     None
 }
 

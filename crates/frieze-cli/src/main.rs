@@ -7,6 +7,7 @@
 mod args;
 mod bench;
 mod compare;
+mod convert;
 mod convert_fix;
 mod explain;
 mod games101;
@@ -91,7 +92,7 @@ fn dispatch(cli: Cli, talk: &Talk) -> Result<()> {
         None => Err(Error::arguments("arguments.usage", "no command was given").remedy("see `frieze --help`")),
         Some(Verb::Render(a)) => render::run(&a, common, talk),
         Some(Verb::Compare(a)) => compare::run(&a, common, talk),
-        Some(Verb::Convert(a)) => convert_fix::fix(&a.map, &a.out, &a.fix, common, talk),
+        Some(Verb::Convert(a)) => convert::run(&a, common, talk),
         Some(Verb::Inspect(a)) => inspect::run(&a, common, talk),
         Some(Verb::Explain(a)) => explain::run(&a, common, talk),
         Some(Verb::Games101(a)) => games101::run(&a, common, talk),

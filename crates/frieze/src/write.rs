@@ -16,7 +16,10 @@ use std::path::{Path, PathBuf};
 mod deflate;
 mod exr;
 mod hdr;
+mod ktx2;
 mod png;
+
+pub use ktx2::{Ktx2, Ktx2Format};
 
 /// How files are written.
 #[derive(Clone, Debug, Default)]
@@ -149,6 +152,30 @@ pub fn image(image: &Image, target: &Path, options: &WriteOptions) -> Result<()>
     let part = Part::new(target, |out| picture(out, image, kind, options))?;
     options.job.check()?;
     part.publish(options.force).map(|_| ())
+}
+
+/// Writes a texture for graphics hardware, `.ktx2`.
+///
+/// # Errors
+/// `write.exists`, `write.failed` as [`frame`]; `write.format` for another ending.
+pub fn ktx2(texture: &Ktx2, target: &Path, options: &WriteOptions) -> Result<()> {
+    check_ktx2(target, options)?;
+    let part = Part::new(target, |out| ktx2::write(out, texture))?;
+    options.job.check()?;
+    part.publish(options.force).map(|_| ())
+}
+
+/// Whether [`ktx2()`] would be let to write.
+///
+/// # Errors
+/// Those of [`ktx2()`].
+pub fn check_ktx2(target: &Path, options: &WriteOptions) -> Result<()> {
+    if !target.extension().is_some_and(|e| e.eq_ignore_ascii_case("ktx2")) {
+        return Err(Error::arguments("write.format", "blocks are written to .ktx2 files only")
+            .in_file(target)
+            .remedy("end the name in .ktx2"));
+    }
+    may_write(target, options.force)
 }
 
 /// Writes the colour of a frame as PNG into any writer, such as standard output.

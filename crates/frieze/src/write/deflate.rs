@@ -93,7 +93,8 @@ fn search(data: &[u8]) -> Vec<Step> {
             steps.push(Step { literals: (at - begin) as u32, length: length as u16, distance: (at - from - 1) as u16 });
             at += length;
             begin = at;
-            misses = 0;
+            // A short match among many misses is chance: noise goes on behind it.
+            misses = if length < 4 * MIN_MATCH { misses - misses / 8 } else { 0 };
         } else {
             at += 1 + (misses >> 5);
             misses += 1;

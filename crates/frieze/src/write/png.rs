@@ -40,8 +40,12 @@ impl Rows<'_> {
             }
             Pixels::U16(v) => {
                 let v = &v[y * row..(y + 1) * row];
-                let values = v.chunks_exact(n).flat_map(|p| &p[..m]);
-                values.zip(out.chunks_exact_mut(2)).for_each(|(v, o)| o.copy_from_slice(&v.to_be_bytes()));
+                let put = |(v, o): (&u16, &mut [u8])| o.copy_from_slice(&v.to_be_bytes());
+                if n == m {
+                    v.iter().zip(out.chunks_exact_mut(2)).for_each(put);
+                } else {
+                    v.chunks_exact(n).flat_map(|p| &p[..m]).zip(out.chunks_exact_mut(2)).for_each(put);
+                }
             }
             _ => unreachable!("floats were refused before"),
         }
