@@ -75,10 +75,6 @@ impl Plan {
         plan.bluestein = Some(Bluestein { chirp, spectrum });
         plan
     }
-    /// Numbers of a sequence.
-    pub fn len(&self) -> usize {
-        self.n
-    }
     /// Numbers that each of the two buffers of [`Plan::run`] holds for `width` lanes.
     pub fn buffer(&self, width: usize) -> usize {
         2 * self.size * width

@@ -9,7 +9,7 @@ use super::convert::Normals;
 use super::fft::{Real, get, put};
 use super::slope::Edges;
 use crate::error::Result;
-use crate::job::Job;
+use crate::job::{Job, Reservation};
 use crate::math::exact::sin_cos_f64;
 use crate::math::lane::{Kernel, Lane, Level, Num};
 use rayon::prelude::*;
@@ -28,6 +28,8 @@ pub struct Heights {
     pub width: usize,
     /// Rows.
     pub height: usize,
+    /// The memory of the values.
+    _held: Reservation,
 }
 
 impl Heights {
@@ -76,8 +78,9 @@ pub fn integrate(normals: &Normals, edges: Edges, job: &Job, level: Level) -> Re
     let periodic = edges == Edges::Wrap;
     let lanes = level.run(Lanes);
     let strips = halves[0].div_ceil(lanes);
-    let bytes = 4 * (pitch * height + strips * 2 * lanes * height) as u64;
-    let _held = job.reserve(bytes, format_args!("the equations of a map of {width}x{height}"))?;
+    let equations = format_args!("the equations of a map of {width}x{height}");
+    let held = job.reserve(4 * (pitch * height) as u64, equations)?;
+    let _held = job.reserve(4 * (strips * 2 * lanes * height) as u64, equations)?;
     let solver = Solver {
         normals,
         edges,
@@ -138,7 +141,7 @@ pub fn integrate(normals: &Normals, edges: Edges, job: &Job, level: Level) -> Re
     });
     job.check()?;
     job.progress("integrate", 3, 3);
-    Ok(Heights { values: first, pitch, width, height })
+    Ok(Heights { values: first, pitch, width, height, _held: held })
 }
 
 struct Lanes;

@@ -84,8 +84,8 @@ impl<'a> Field<'a> {
         let row = y * w * n..(y + 1) * w * n;
         let out = &mut out[..w];
         match self.image.pixels() {
-            Pixels::U8(v) => self.take(&v[row], n, out, |v| f32::from(v)),
-            Pixels::U16(v) => self.take(&v[row], n, out, |v| f32::from(v)),
+            Pixels::U8(v) => self.take(&v[row], n, out, f32::from),
+            Pixels::U16(v) => self.take(&v[row], n, out, f32::from),
             Pixels::F16(v) => self.take(&v[row], n, out, f16::to_f32),
             Pixels::F32(v) => self.take(&v[row], n, out, |v| v),
         }
@@ -94,7 +94,7 @@ impl<'a> Field<'a> {
         }
         let mut bad = 0;
         for v in out {
-            if !(v.abs() <= MOST) {
+            if v.is_nan() || v.abs() > MOST {
                 bad += 1;
                 *v = if v.is_nan() { 0.0 } else { MOST.copysign(*v) };
             }
