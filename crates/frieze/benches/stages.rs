@@ -205,6 +205,7 @@ impl Kernel for Shade<'_> {
                 position: Vec3::new(uv.x, uv.y, l.f(0.0)),
                 view: Vec3::new(0.0, 0.6, 0.8).lift(uv.x),
                 normal: Vec3::new(0.0, 0.0, 1.0).lift(uv.x),
+                plane: Vec3::new(0.0, 0.0, 1.0).lift(uv.x),
                 tangent: Vec3::new(1.0, 0.0, 0.0).lift(uv.x),
                 sign: l.f(1.0),
                 uv: [uv; 2],

@@ -427,7 +427,7 @@ fn fragment(scene: &Scene, t: &Trace<'_>, p: &Piece<'_>) -> Fragment {
                     diffuse: diffuse.array(),
                     specular: specular.array(),
                     shadow: t.lamps[k].shadow().filter(|_| asked).map(|map| {
-                        let trace = map.traced(p.surface.position, p.surface.normal.normalize());
+                        let trace = map.traced(p.surface.position, p.surface.plane);
                         shadow(map.size, map.radius, &trace)
                     }),
                 });

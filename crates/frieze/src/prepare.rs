@@ -230,7 +230,7 @@ fn cooked_bytes(mesh: &Mesh) -> u64 {
     let triangles = mesh.triangle_count() as u64;
     // Attributes with an index of their own may part every corner.
     let own = |index: Option<bool>| index.unwrap_or(false);
-    let apart = own(mesh.normals.as_ref().map(|a| a.index.is_some()))
+    let apart = mesh.normals.as_ref().is_none_or(|a| a.index.is_some())
         || own(mesh.tangents.as_ref().map(|a| a.index.is_some()))
         || own(mesh.colors.as_ref().map(|a| a.index.is_some()))
         || mesh.uv.iter().flatten().any(|a| a.index.is_some());
@@ -243,7 +243,8 @@ fn cook(mesh: &Mesh, recipe: &Recipe) -> Meshlets {
     let weigh = |weight| Some(topology::vertex_normals(mesh, weight));
     let made: Option<Attribute<[f32; 3]>> = match recipe.normals {
         Normals::File if mesh.normals.is_some() => None,
-        Normals::File | Normals::Angle => weigh(Weight::Angle),
+        Normals::File => Some(topology::creased_normals(mesh)),
+        Normals::Angle => weigh(Weight::Angle),
         Normals::Area => weigh(Weight::Area),
         Normals::Uniform => weigh(Weight::Uniform),
     };

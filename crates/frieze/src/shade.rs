@@ -125,6 +125,7 @@ mod tests {
             position: up(Vec3::default()),
             view: up(view.normalize()),
             normal: up(normal),
+            plane: up(normal.normalize()),
             tangent: up(Vec3::new(1.0, 0.0, 0.0)),
             sign: l.f(1.0),
             uv: [Vec2::splat(l.f(0.25)); 2],

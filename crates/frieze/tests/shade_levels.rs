@@ -28,6 +28,7 @@ impl Kernel for Bits<'_> {
                 position: Vec3::new(x, x * 0.5, x * x),
                 view: Vec3::new(x * -0.4, x * x, l.f(1.0)).normalize(),
                 normal: Vec3::new(x, x * 0.3 + 0.1, l.f(0.8)),
+                plane: Vec3::new(x, x * 0.3 + 0.1, l.f(0.8)).normalize(),
                 tangent: Vec3::new(l.f(1.0), x * 0.2, x * -0.4),
                 sign: l.f(-1.0),
                 uv: [Vec2::new(x * 0.7, x * 1.3); 2],

@@ -37,6 +37,10 @@ pub struct ShadowMap {
     pub repeat: bool,
 }
 
+/// Planes that turn further away from the light get the bias of this cosine: they are dark, whatever a shading normal
+/// says, by a hundredth at most.
+const LEAST_COSINE: f32 = 0.01;
+
 /// Reading a row of taps loads this many texels at once.
 const WIDE: u32 = 8;
 
@@ -60,7 +64,7 @@ impl ShadowMap {
     }
 
     /// The share of light that arrives at `position` (world), 0 in shadow, 1 lit.
-    /// `normal` is the unit normal, for the automatic bias.
+    /// `normal` is the unit normal of the surface's plane (not a shading normal), for the automatic bias.
     #[inline(always)]
     pub fn visibility<L: Lane>(&self, l: L, position: Vec3<L::F>, normal: Vec3<L::F>, _active: L::M) -> L::F {
         let p = self.matrix.point(position);
@@ -71,7 +75,7 @@ impl ShadowMap {
                 let n = [normal.dot(axes[0].lift(one)), normal.dot(axes[1].lift(one)), normal.dot(axes[2].lift(one))];
                 // The plane's slope along both axes, over the farthest tap and the half texel that nearest
                 // lookups are off; a grazing plane is dark anyway.
-                let slope = (n[0].abs() + n[1].abs()) / n[2].max(l.f(0.05));
+                let slope = (n[0].abs() + n[1].abs()) / n[2].max(l.f(LEAST_COSINE));
                 (slope * (self.radius as f32 + 0.5) + 0.5) * *texel
             }
         };
@@ -173,7 +177,7 @@ impl ShadowMap {
             Offset::Constant(b) => *b,
             Offset::Slope { axes, texel } => {
                 let n = axes.map(|a| normal.dot(a));
-                let slope = (n[0].abs() + n[1].abs()) / Num::max(n[2], 0.05);
+                let slope = (n[0].abs() + n[1].abs()) / Num::max(n[2], LEAST_COSINE);
                 (slope * (self.radius as f32 + 0.5) + 0.5) * *texel
             }
         };

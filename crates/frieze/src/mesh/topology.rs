@@ -103,68 +103,145 @@ pub fn geometric_normals(mesh: &Mesh) -> Vec<[f32; 3]> {
 /// f64, whatever the number of threads.
 pub fn vertex_normals(mesh: &Mesh, weight: Weight) -> Attribute<[f32; 3]> {
     let weld = weld(&mesh.positions);
-    let count = mesh.triangle_count();
-    // Triangle corners sorted by welded position, in triangle order (a counting sort).
-    let mut starts = vec![0u32; mesh.positions.len() + 1];
-    for t in 0..count {
-        for c in mesh.triangle(t) {
-            starts[weld[mesh.corners[c] as usize] as usize + 1] += 1;
-        }
+    let fans = Fans::new(mesh, &weld);
+    let sums: Vec<[f32; 3]> =
+        (0..mesh.positions.len()).into_par_iter().map(|v| mean(mesh, fans.at(v), weight, |_| true)).collect();
+    let values = weld.par_iter().map(|&first| sums[first as usize]).collect();
+    Attribute::per_position(values)
+}
+
+/// The cosine of the angle between two triangles from which on their common edge is sharp: 60 degrees.
+const CREASE: f64 = 0.5;
+
+/// Unit normals for models that have none: as [`vertex_normals`] by angle, but at each corner only of the triangles
+/// that differ from the corner's own by less than 60 degrees, so that a box has edges and a cylinder is round.
+/// Per position where nothing is sharp, else per corner.
+pub fn creased_normals(mesh: &Mesh) -> Attribute<[f32; 3]> {
+    let weld = weld(&mesh.positions);
+    let fans = Fans::new(mesh, &weld);
+    let faces: Vec<Option<[f64; 3]>> = (0..mesh.triangle_count())
+        .into_par_iter()
+        .map(|t| face_normal(mesh.triangle(t).map(|c| mesh.position(c))).map(|(n, _)| n))
+        .collect();
+    let near = |a: u32, b: u32| match (faces[a as usize / 3], faces[b as usize / 3]) {
+        (Some(a), Some(b)) => dot(a, b) > CREASE,
+        _ => true,
+    };
+    let sharp = |v: &usize| {
+        let fan = fans.at(*v);
+        fan.iter().any(|&a| fan.iter().any(|&b| !near(a, b)))
+    };
+    if !(0..mesh.positions.len()).into_par_iter().any(|v| sharp(&v)) {
+        return vertex_normals(mesh, Weight::Angle);
     }
-    for k in 1..starts.len() {
-        starts[k] += starts[k - 1];
-    }
-    let mut next = starts.clone();
-    let mut fans = vec![0u32; 3 * count];
-    for t in 0..count {
-        for (k, c) in mesh.triangle(t).into_iter().enumerate() {
-            let at = &mut next[weld[mesh.corners[c] as usize] as usize];
-            fans[*at as usize] = (3 * t + k) as u32;
-            *at += 1;
-        }
-    }
-    drop(next);
-    let sums: Vec<[f32; 3]> = (0..mesh.positions.len())
+    let own: Vec<Vec<[f32; 3]>> = (0..mesh.positions.len())
         .into_par_iter()
         .map(|v| {
-            let mut sum = [0.0f64; 3];
-            let mut first = None;
-            for &h in &fans[starts[v] as usize..starts[v + 1] as usize] {
-                let (t, k) = (h as usize / 3, h as usize % 3);
-                let p = mesh.triangle(t).map(|c| mesh.position(c));
-                let Some((n, twice_area)) = face_normal(p) else { continue };
-                first = first.or(Some(n));
-                let w = match weight {
-                    Weight::Area => twice_area,
-                    Weight::Uniform => 1.0,
-                    Weight::Angle => {
-                        // |e x f| = twice the area at every corner.
-                        let (e, f) = (edge(p[k], p[(k + 1) % 3]), edge(p[k], p[(k + 2) % 3]));
-                        exact::atan2_f64(twice_area, dot(e, f))
-                    }
-                };
-                for a in 0..3 {
-                    sum[a] += n[a] * w;
-                }
-            }
-            let length = dot(sum, sum).sqrt();
-            let scale: f64 = match weight {
-                // Cancelled means: shorter than what rounding leaves of the summands.
-                Weight::Area => fans[starts[v] as usize..starts[v + 1] as usize]
-                    .iter()
-                    .filter_map(|&h| face_normal(mesh.triangle(h as usize / 3).map(|c| mesh.position(c))))
-                    .fold(0.0, |m, (_, a)| m.max(a)),
-                _ => 1.0,
-            };
-            match first {
-                Some(_) if length > 1e-9 * scale => single(sum.map(|x| x / length)),
-                Some(n) => single(n),
-                None => [0.0, 1.0, 0.0],
+            let fan = fans.at(v);
+            if sharp(&v) {
+                fan.iter().map(|&h| mean(mesh, fan, Weight::Angle, |other| near(h, other))).collect()
+            } else {
+                vec![mean(mesh, fan, Weight::Angle, |_| true)]
             }
         })
         .collect();
-    let values = weld.par_iter().map(|&first| sums[first as usize]).collect();
-    Attribute::per_position(values)
+    let mut values: Vec<[f32; 3]> = Vec::with_capacity(mesh.positions.len());
+    let mut index = vec![0u32; mesh.corners.len()];
+    for (v, own) in own.iter().enumerate() {
+        let first = values.len();
+        for (k, &h) in fans.at(v).iter().enumerate() {
+            let n = own[k.min(own.len() - 1)];
+            let at = values[first..].iter().position(|known| *known == n).unwrap_or_else(|| {
+                values.push(n);
+                values.len() - 1 - first
+            });
+            index[mesh.triangle(h as usize / 3)[h as usize % 3]] = (first + at) as u32;
+        }
+    }
+    Attribute { values, index: Some(index) }
+}
+
+/// The geometric normal of each triangle at its three corners: what glTF asks for where a file has no normals (3.7.2.1).
+pub fn flat_normals(mesh: &Mesh) -> Attribute<[f32; 3]> {
+    let mut values = geometric_normals(mesh);
+    // Without area it is not seen; a zero would still be found fault with.
+    values.par_iter_mut().filter(|n| **n == [0.0; 3]).for_each(|n| *n = [0.0, 1.0, 0.0]);
+    let mut index = vec![0u32; mesh.corners.len()];
+    for t in 0..mesh.triangle_count() {
+        for c in mesh.triangle(t) {
+            index[c] = t as u32;
+        }
+    }
+    Attribute { values, index: Some(index) }
+}
+
+/// The corners of triangles around each welded position, as `3 t + k`, in the order of triangles.
+struct Fans {
+    starts: Vec<u32>,
+    corners: Vec<u32>,
+}
+
+impl Fans {
+    /// A counting sort.
+    fn new(mesh: &Mesh, weld: &[u32]) -> Self {
+        let count = mesh.triangle_count();
+        let mut starts = vec![0u32; mesh.positions.len() + 1];
+        for t in 0..count {
+            for c in mesh.triangle(t) {
+                starts[weld[mesh.corners[c] as usize] as usize + 1] += 1;
+            }
+        }
+        for k in 1..starts.len() {
+            starts[k] += starts[k - 1];
+        }
+        let mut next = starts.clone();
+        let mut corners = vec![0u32; 3 * count];
+        for t in 0..count {
+            for (k, c) in mesh.triangle(t).into_iter().enumerate() {
+                let at = &mut next[weld[mesh.corners[c] as usize] as usize];
+                corners[*at as usize] = (3 * t + k) as u32;
+                *at += 1;
+            }
+        }
+        Fans { starts, corners }
+    }
+    fn at(&self, v: usize) -> &[u32] {
+        &self.corners[self.starts[v] as usize..self.starts[v + 1] as usize]
+    }
+}
+
+/// The mean normal of those triangles around a position that count.
+fn mean(mesh: &Mesh, fan: &[u32], weight: Weight, counts: impl Fn(u32) -> bool) -> [f32; 3] {
+    let mut sum = [0.0f64; 3];
+    let mut first = None;
+    let mut largest = 0.0f64;
+    for &h in fan.iter().filter(|&&h| counts(h)) {
+        let (t, k) = (h as usize / 3, h as usize % 3);
+        let p = mesh.triangle(t).map(|c| mesh.position(c));
+        let Some((n, twice_area)) = face_normal(p) else { continue };
+        first = first.or(Some(n));
+        largest = largest.max(twice_area);
+        let w = match weight {
+            Weight::Area => twice_area,
+            Weight::Uniform => 1.0,
+            Weight::Angle => {
+                // |e x f| = twice the area at every corner.
+                let (e, f) = (edge(p[k], p[(k + 1) % 3]), edge(p[k], p[(k + 2) % 3]));
+                exact::atan2_f64(twice_area, dot(e, f))
+            }
+        };
+        for a in 0..3 {
+            sum[a] += n[a] * w;
+        }
+    }
+    let length = dot(sum, sum).sqrt();
+    // Cancelled means: shorter than what rounding leaves of the summands.
+    let scale = if weight == Weight::Area { largest } else { 1.0 };
+    match first {
+        Some(_) if length > 1e-9 * scale => single(sum.map(|x| x / length)),
+        Some(n) => single(n),
+        None => [0.0, 1.0, 0.0],
+    }
 }
 
 #[cfg(test)]
@@ -274,6 +351,39 @@ mod tests {
             let twin = twins(&mesh, &weld);
             assert_eq!(twin.iter().filter(|&&t| t == NONE).count(), open, "{}", mesh.name);
             assert!((0..twin.len()).all(|e| twin[e] == NONE || twin[twin[e] as usize] == e as u32));
+        }
+    }
+
+    #[test]
+    fn a_box_without_normals_has_edges_and_a_sphere_has_none() {
+        let cube = Mesh { normals: None, ..shape::cube(2.0) };
+        let made = creased_normals(&cube);
+        let flat = geometric_normals(&cube);
+        for t in 0..cube.triangle_count() {
+            for c in cube.triangle(t) {
+                // Sums of one direction, rounded once.
+                assert!(
+                    (0..3).all(|a| (made.at(&cube, c)[a] - flat[t][a]).abs() < 1e-7),
+                    "{t}: {:?}",
+                    made.at(&cube, c)
+                );
+            }
+        }
+        assert_eq!(made.values.len(), 24);
+        let sphere = Mesh { normals: None, ..shape::sphere(1.0, 24) };
+        let made = creased_normals(&sphere);
+        assert_eq!((made.index.is_none(), &made.values), (true, &vertex_normals(&sphere, Weight::Angle).values));
+        // A prism of five sides turns by 72 degrees at each, one of seven by 51.
+        for (sides, sharp) in [(5, true), (7, false)] {
+            let at = |k: usize, z: f32| {
+                let turn = (k % sides) as f32 * core::f32::consts::TAU / sides as f32;
+                [exact::cos(turn), exact::sin(turn), z]
+            };
+            let positions: Vec<_> = (0..2 * sides).map(|k| at(k, if k < sides { 0.0 } else { 3.0 })).collect();
+            let s = sides as u32;
+            let corners = (0..s).flat_map(|k| [k, (k + 1) % s, s + (k + 1) % s, k, s + (k + 1) % s, s + k]).collect();
+            let made = creased_normals(&Mesh { positions, corners, ..Mesh::default() });
+            assert_eq!(made.index.is_some(), sharp, "{sides}");
         }
     }
 }

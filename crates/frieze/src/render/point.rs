@@ -49,6 +49,9 @@ pub(super) struct Corners<'t, L: Lane> {
     count: usize,
     /// The lanes of the first ones.
     masks: [L::M; FEW],
+    /// At the corners: w, and reversed depth times w.
+    w: [L::F; 3],
+    deep: [L::F; 3],
     /// -1 where the bitangent is mirrored.
     sign: L::F,
 }
@@ -171,6 +174,8 @@ impl<'t, L: Lane> Corners<'t, L> {
             inverse,
             depth,
             front,
+            w,
+            deep: [d[1], d[2], d[3]],
             triangles,
             which,
             count,
@@ -217,6 +222,29 @@ impl<'t, L: Lane> Corners<'t, L> {
         }
         let ray = aside + forward;
         (eye + ray * self.depth, -(ray.normalize()))
+    }
+
+    /// The unit normal of the triangle's plane, towards the eye.
+    #[inline(always)]
+    fn plane(&self, l: L, view: &View, px: L::F, py: L::F) -> Vec3<L::F> {
+        let one = l.f(1.0);
+        let (a, b) = (view.lens.a, view.lens.b);
+        let (a, b) = ([a[0] as f32, a[1] as f32], [b[0] as f32, b[1] as f32]);
+        // The cross product of the point's changes along x and y, over its depth. With d the depth and (rx, ry, 1) the
+        // ray, they are (a0 d + rx dx, ry dx, dx) and (rx dy, a1 d + ry dy, dy).
+        let (along, n) = if view.lens.parallel {
+            let z = self.mix(self.deep);
+            let (near, far) = (view.lens.near as f32, view.lens.far as f32);
+            let [dx, dy] = self.slope(self.deep, z);
+            let (dx, dy) = (dx * (near - far), dy * (near - far));
+            (l.f(a[0] * a[1]), [dx, dy])
+        } else {
+            let [dx, dy] = self.slope(self.w, self.depth);
+            let (rx, ry) = (px * a[0] + b[0], py * a[1] + b[1]);
+            (self.depth * (a[0] * a[1]) + ry * dy * a[0] + rx * dx * a[1], [dx, dy])
+        };
+        let [right, up, forward] = [view.axes[0].lift(one), view.axes[1].lift(one), view.axes[2].lift(one)];
+        (right * (n[0] * -a[1]) + up * (n[1] * -a[0]) + forward * along).normalize()
     }
 
     #[inline(always)]
@@ -303,11 +331,16 @@ impl<'t, L: Lane> Corners<'t, L> {
             }
             _ => None,
         };
+        let plane = match lights {
+            Some(lights) if lights.any_shadow() => self.plane(l, g.view, lanes.px, lanes.py),
+            _ => normal,
+        };
         Surface {
             active: lanes.active,
             position,
             view: to_eye,
             normal,
+            plane,
             tangent,
             sign,
             uv: [first.0, second.0],

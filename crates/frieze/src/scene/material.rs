@@ -41,7 +41,7 @@ pub enum Alpha {
 /// Where shading normals come from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Normals {
-    /// The file, or angle weights where it has none.
+    /// The file; where it has none as [`Normals::Angle`], but sharp where triangles meet at 60 degrees or more.
     #[default]
     File,
     /// Averages of the adjoining triangles, weighted by area.

@@ -16,7 +16,7 @@ pub(super) struct Place<L: Lane> {
     pub view: Vec3<L::F>,
     /// Unit, what is shaded with; in the space of `turn` if there is one.
     pub normal: Vec3<L::F>,
-    /// Unit, without any map: what a shadow's bias is chosen by.
+    /// Unit, of the triangle's plane: what a shadow's bias is made from.
     pub geometric: Vec3<L::F>,
     pub active: L::M,
     /// Tangent, bitangent and normal that directions are turned into before they meet `normal`: the transposed
@@ -35,7 +35,7 @@ impl<L: Lane> Place<L> {
         probe: &mut P,
     ) -> Self {
         let facing = look.facing(l, s, texel, probe);
-        let geometric = if lights.any_shadow() { s.normal.normalize() } else { facing.normal };
+        let geometric = if lights.any_shadow() { s.plane } else { facing.normal };
         Place {
             position: s.position,
             view: s.view,

@@ -42,8 +42,9 @@ impl Lights<'_> {
         let times = if self.per_light { self.lamps.len() as f32 } else { 1.0 };
         Vec3::from(self.ambient) * times
     }
+    /// Whether any of them asks a shadow map.
     #[inline(always)]
-    pub(super) fn any_shadow(&self) -> bool {
+    pub fn any_shadow(&self) -> bool {
         self.lamps.iter().any(Lamp::casts)
     }
 }

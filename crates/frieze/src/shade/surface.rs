@@ -40,6 +40,9 @@ pub struct Surface<L: Lane> {
     /// The interpolated normal, not normalised (vertices have unit normals). On back faces of double-sided
     /// materials the caller negates `normal`, `tangent` and `sign`: the whole frame turns to the viewer.
     pub normal: Vec3<L::F>,
+    /// The unit normal of the triangle's plane, towards the eye: what the bias of shadows is made from. Only read where
+    /// [`Lights::any_shadow`](super::Lights::any_shadow).
+    pub plane: Vec3<L::F>,
     /// The interpolated tangent, not normalised (vertices have unit tangents). Only read when
     /// [`Look::needs_tangent`].
     pub tangent: Vec3<L::F>,

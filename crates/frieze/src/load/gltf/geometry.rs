@@ -5,7 +5,7 @@ use super::accessor::{Data, item};
 use super::node::Placed;
 use crate::error::{Error, Finding, Result};
 use crate::load::{Context, Findings};
-use crate::mesh::{Attribute, Mesh};
+use crate::mesh::{Attribute, Mesh, topology};
 use crate::scene::{Object, Scene};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
@@ -210,6 +210,10 @@ impl Plan {
             Some(_) => vertices.attribute::<4>("TANGENT")?,
             None => None,
         };
+        if mesh.normals.is_none() {
+            context.reserve(4 * mesh.triangle_count() as u64 * 6, "normals")?;
+            mesh.normals = Some(topology::flat_normals(&mesh));
+        }
         mesh.uv = [vertices.attribute::<2>("TEXCOORD_0")?, vertices.attribute::<2>("TEXCOORD_1")?];
         mesh.colors = vertices.colors()?;
         Ok(mesh)
