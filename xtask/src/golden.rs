@@ -2,6 +2,8 @@
 //! `crates/frieze/tests/golden`. They change through this chore only (law 10), which shows
 //! expected | difference | actual first.
 
+#[path = "../../crates/frieze/tests/pictures/lessons.rs"]
+mod lessons;
 #[path = "../../crates/frieze/tests/pictures/scenes.rs"]
 mod scenes;
 
@@ -32,11 +34,15 @@ pub fn run(root: &Path, accept: bool) -> Result<(), String> {
     }
     let force = WriteOptions { force: true, ..WriteOptions::default() };
     let mut changed = Vec::new();
-    for name in scenes::names() {
-        let scene = scenes::scene(name);
-        let size = size(scene.output.size);
-        let options = RenderOptions { size, ..RenderOptions::default() };
-        let actual = render(&scene, &options).map_err(said)?.color;
+    for name in [scenes::names(), lessons::NAMES.to_vec(), scenes::DRAWN_OVER.map(|o| o.0).to_vec()].concat() {
+        let actual = if lessons::NAMES.contains(&name) {
+            lessons::picture(name)
+        } else {
+            let (scene, overlays) = scenes::scene_with_overlays(name);
+            let options = RenderOptions { size: size(scene.output.size), overlays, ..RenderOptions::default() };
+            render(&scene, &options).map_err(said)?.color
+        };
+        let size = (actual.width(), actual.height());
         let path = dir.join(format!("{name}.png"));
         let expected = if path.exists() {
             let (image, _) = frieze::load::image(&path, &LoadOptions::default()).map_err(said)?;

@@ -143,6 +143,7 @@ Examples:
   frieze render model.glb --turntable 36 -o turn.png    turn.000.png to turn.035.png
   frieze render model.glb -o planes.exr --aov depth,normal
   frieze render sample:cubes --light-depth 0 -o dmap.png
+  frieze render model.glb --overlay wire,tbn            edges and tangent frames over the picture
   frieze render model.obj --albedo wood.png --normal-map wood_n.png --normal-map-scale 0.5
 
 A model without a camera is framed from the front, a little from the right and above; one without lights
@@ -177,11 +178,26 @@ pub struct Render {
     /// They go into the same .exr, or into files of their own beside a .png. `color` is always written.
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = aov)]
     pub aov: Vec<Plane>,
+    /// Lines over the picture, with commas between: normals, map-normals, tbn, wire, uv-seams, light-frustum
+    ///
+    /// Normals, and tangents (red), bitangents (green) and normals (blue) stand at the vertices; map-normals are those
+    /// that pixels are shaded with. Lines that lie behind something are hidden.
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = overlay)]
+    pub overlay: Vec<frieze::render::Overlay>,
+    /// Length of the arrows of --overlay, metres [default: 1/20 of the picture's height]
+    #[arg(long, value_name = "METRES", requires = "overlay", value_parser = positive)]
+    pub overlay_length: Option<f32>,
+    /// Width of the lines of --overlay, pixels [default: 1/400 of the picture's shorter side]
+    #[arg(long, value_name = "PIXELS", requires = "overlay", value_parser = positive)]
+    pub overlay_width: Option<f32>,
+    /// Pixels between the arrows of map-normals [default: 1/20 of the picture's shorter side]
+    #[arg(long, value_name = "PIXELS", requires = "overlay", value_parser = clap::value_parser!(u32).range(1..=65536))]
+    pub overlay_spacing: Option<u32>,
     /// Write the depth map of a light (its name or number) instead of the picture: black near the light, white far
     ///
     /// One channel, linear: 0 at the near plane of the light's shadow map, 1 at its far plane and where nothing is,
     /// the metric of a shadow's `bias`. The picture has the size of the map. Directional lights have one.
-    #[arg(long, value_name = "LIGHT", conflicts_with_all = ["size", "samples", "turntable", "aov", "bench", "camera"])]
+    #[arg(long, value_name = "LIGHT", conflicts_with_all = ["size", "samples", "turntable", "aov", "bench", "camera", "overlay"])]
     pub light_depth: Option<String>,
     /// Where all materials compute their lighting
     #[arg(long, value_enum, value_name = "HOW")]
@@ -249,8 +265,6 @@ pub struct Later {
     pub environment: Option<PathBuf>,
     #[arg(long, hide = true, value_name = "X")]
     pub environment_scale: Option<f32>,
-    #[arg(long, hide = true, value_name = "LIST")]
-    pub overlay: Option<String>,
     #[arg(long, hide = true, value_name = "HOW")]
     pub method: Option<String>,
     #[arg(long, hide = true, value_name = "FILE")]
@@ -656,12 +670,6 @@ fn pixel(s: &str) -> Result<(u32, u32), String> {
     parts.ok_or_else(|| format!("`{s}` is not a pixel; write X,Y such as 512,384"))
 }
 
-/// A number above 0.
-fn positive(s: &str) -> Result<f32, String> {
-    let v = finite(s)?;
-    if v > 0.0 { Ok(v) } else { Err(format!("`{s}` is not above 0")) }
-}
-
 fn aov(s: &str) -> Result<Plane, String> {
     if s == "color" {
         return Ok(Plane::Color);
@@ -674,6 +682,18 @@ fn aov(s: &str) -> Result<Plane, String> {
         let names: Vec<_> = ["color", "all"].into_iter().chain(all.iter().map(|(n, _)| *n)).collect();
         format!("there is no plane `{s}`{}; there are {}", did_you_mean(s, &names), names.join(", "))
     })
+}
+
+fn overlay(s: &str) -> Result<frieze::render::Overlay, String> {
+    let all = frieze::render::Overlay::ALL;
+    all.iter().find(|(name, _)| *name == s).map(|(_, o)| *o).ok_or_else(|| {
+        let names = all.map(|(n, _)| n);
+        format!("there is no overlay `{s}`{}; there are {}", did_you_mean(s, &names), names.join(", "))
+    })
+}
+
+fn positive(s: &str) -> Result<f32, String> {
+    finite(s).ok().filter(|v| *v > 0.0).ok_or_else(|| "a number above 0 is needed".into())
 }
 
 fn finite(s: &str) -> Result<f32, String> {

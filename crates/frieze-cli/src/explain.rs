@@ -143,9 +143,16 @@ fn fragment(p: &mut Page, k: usize, f: &Fragment, samples: usize) {
         p.row("tangent", numbers(&frame.tangent), "towards +u");
         p.row("bitangent", numbers(&frame.bitangent), "towards the top of the image");
         p.row("frame normal", numbers(&frame.normal), "");
+        let rule = match frame.fallback {
+            Some("no-uv") => "from-normal: the mesh has no such texture coordinates".to_owned(),
+            Some(_) => format!("{}, but this triangle's texture coordinates have no area: from-normal", frame.rule),
+            None => frame.rule.to_owned(),
+        };
+        p.row("made by", rule + if frame.mirrored { ", mirrored (w = -1)" } else { "" }, "");
     }
     if let Some(mapped) = &normal.mapped {
-        p.row("mapped", numbers(mapped), "as the map says it, tangent space");
+        let space = normal.map_space.unwrap_or("tangent");
+        p.row("mapped", numbers(mapped), &format!("as the map says it, {space} space"));
     }
     match &normal.shading {
         Some(n) if normal.space == "tangent" => p.row("shaded with", numbers(n), "tangent space"),

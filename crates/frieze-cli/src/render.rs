@@ -7,8 +7,8 @@ use crate::{preview, source, version, view};
 use frieze::error::Finding;
 use frieze::image::{Encoding, Image, Pixels};
 use frieze::load::LoadOptions;
-use frieze::prepare::Prepared;
-use frieze::render::{Format, RenderOptions, Report, frame, light_depth};
+use frieze::prepare::{Needs, Prepared};
+use frieze::render::{Format, Overlay, Overlays, RenderOptions, Report, frame, light_depth};
 use frieze::scene::{Material, NormalMap, Scene, Texture};
 use frieze::write::WriteOptions;
 use frieze::{Error, Frame, Result};
@@ -94,12 +94,21 @@ pub fn run(a: &Render, common: &Common, talk: &Talk) -> Result<()> {
     } else {
         a.aov.iter().filter_map(extra).collect()
     };
-    let options =
-        RenderOptions { job: job.clone(), level, size, samples: a.samples.unwrap_or(0), camera, format, aovs };
+    let overlays = Overlays {
+        list: a.overlay.clone(),
+        length: a.overlay_length,
+        width: a.overlay_width,
+        spacing: a.overlay_spacing,
+    };
+    let needs = Needs { tangents: a.overlay.contains(&Overlay::Tbn) };
+    let samples = a.samples.unwrap_or(0);
+    let options = RenderOptions { job: job.clone(), level, size, samples, camera, format, aovs, overlays };
     let light = a.light_depth.as_deref().map(|word| light(scene, word)).transpose()?;
     let name = scene.name.clone();
     // From here on frames are made of what was prepared; large scenes need not be held twice.
-    let prepared = Prepared::consume(std::mem::take(&mut loaded.scene), &options.job)?;
+    let prepared = Prepared::consume(std::mem::take(&mut loaded.scene), &needs, &options.job)?;
+    talk.findings(&prepared.findings);
+    loaded.findings.extend(prepared.findings.iter().cloned());
     job.check()?;
     clock.lap("prepare");
 
@@ -133,6 +142,8 @@ pub fn run(a: &Render, common: &Common, talk: &Talk) -> Result<()> {
             shown = Some(picture);
         }
     }
+    talk.findings(&report.findings);
+    loaded.findings.append(&mut report.findings);
     talk.finish();
     let size = shown.as_ref().map_or(size, |p| (p.color.width(), p.color.height()));
     if let Some(picture) = shown.as_ref().filter(|_| a.preview) {
@@ -382,7 +393,6 @@ fn not_yet(a: &Later) -> Result<()> {
         ("--displacement", a.displacement.is_some() || a.displacement_scale.is_some()),
         ("--parallax", a.parallax.is_some() || a.parallax_scale.is_some()),
         ("--environment", a.environment.is_some() || a.environment_scale.is_some()),
-        ("--overlay", a.overlay.is_some()),
         ("--method", a.method.as_deref().is_some_and(|m| m != "raster")),
         ("--export-mesh", a.export_mesh.is_some()),
         ("--exact", a.exact),

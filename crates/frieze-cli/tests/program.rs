@@ -125,7 +125,6 @@ fn later_words_say_so() {
         ("--displacement", Some("x")),
         ("--parallax", Some("x")),
         ("--environment", Some("x")),
-        ("--overlay", Some("wire")),
         ("--method", Some("path")),
         ("--export-mesh", Some("x")),
         ("--exact", None),
@@ -264,11 +263,42 @@ fn completions_man_pages_and_schema() {
 fn samples_are_listed() {
     let text = out(&frieze(here(), &["samples"]));
     let d = json(&frieze(here(), &["samples", "--json"]));
-    for name in "frieze teapot wall cubes ground spheres cup flat-gouraud-phong stress-250k stress-5m".split(' ') {
+    for name in
+        "frieze teapot wall mirrored-head cubes ground spheres cup flat-gouraud-phong stress-250k stress-5m".split(' ')
+    {
         let name = format!("sample:{name}");
         assert!(text.contains(&name), "{name}");
         assert!(d["samples"].as_array().unwrap().iter().any(|s| s["name"] == *name), "{name}");
     }
+}
+
+#[test]
+fn overlays_are_drawn_and_typos_are_answered() {
+    let dir = folder("overlay");
+    let run = |name: &str, more: &[&str]| {
+        let args = [&["render", "sample:mirrored-head", "--size", "48x54", "-o", name, "--json"], more].concat();
+        json(&frieze(&dir, &args));
+        std::fs::read(dir.join(name)).unwrap()
+    };
+    let plain = run("plain.png", &[]);
+    let mut seen = vec![plain];
+    for (k, word) in ["normals", "map-normals", "tbn", "wire", "uv-seams"].iter().enumerate() {
+        let bytes = run(&format!("{k}.png"), &["--overlay", word]);
+        assert!(!seen.contains(&bytes) || *word == "uv-seams", "{word} shows nothing of its own");
+        seen.push(bytes);
+    }
+    let long = run("long.png", &["--overlay", "tbn", "--overlay-length", "1", "--overlay-width", "3"]);
+    assert!(!seen.contains(&long));
+    let o = frieze(&dir, &["render", "sample:wall", "--overlay", "wiers", "-o", "x.png"]);
+    assert!(code(&o) == 2 && err(&o).contains("`wire`"), "{}", err(&o));
+    assert_eq!(code(&frieze(&dir, &["render", "sample:wall", "--overlay-length", "1", "-o", "x.png"])), 2);
+    // What does not fit is told, and is in the document.
+    std::fs::write(dir.join("ball.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+    let args = ["render", "ball.obj", "--normal-map", "plain.png", "--size", "16", "-o", "b.png", "--json"];
+    let o = frieze(&dir, &args);
+    let d = json(&o);
+    assert!(d["findings"].as_array().unwrap().iter().any(|f| f["code"] == "tangent.no-uv"), "{d}");
+    assert!(err(&o).contains("tangent.no-uv"));
 }
 
 // ---- compare --------------------------------------------------------------------------------------------

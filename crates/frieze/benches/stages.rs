@@ -208,6 +208,7 @@ impl Kernel for Shade<'_> {
                 plane: Vec3::new(0.0, 0.0, 1.0).lift(uv.x),
                 tangent: Vec3::new(1.0, 0.0, 0.0).lift(uv.x),
                 sign: l.f(1.0),
+                object: [Vec3::new(1.0, 0.0, 0.0), Vec3::new(0.0, 1.0, 0.0), Vec3::new(0.0, 0.0, 1.0)],
                 uv: [uv; 2],
                 footprint: [footprint; 2],
                 color: Vec4::splat(l.f(1.0)),

@@ -9,10 +9,14 @@ use crate::map::shadow::ShadowTrace;
 use crate::map::{Filter, Wrap};
 use crate::math::lane::One;
 use crate::math::vec::{Vec2, Vec3};
+use crate::mesh::{Mesh, tangent};
 use crate::prepare::Prepared;
 use crate::raster::geometry::Class;
 use crate::render::{Format, Piece, RenderOptions, Trace, trace};
-use crate::scene::{Alpha, Background, LightKind, Material, Model, Scene, Shading, TbnPath, Texture, ToneMap};
+use crate::scene::{
+    Alpha, Background, LightKind, Material, Model, NormalSpace, Normals, Scene, Shading, TangentFrame, TbnPath,
+    Texture, ToneMap,
+};
 use crate::shade::Note;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -173,7 +177,9 @@ pub struct Normal {
     pub interpolated: [f32; 3],
     /// The frame that the map's normal is given in; null without a normal map.
     pub frame: Option<Frame>,
-    /// As the map says it, tangent space; null without a normal map.
+    /// The space of the normal map: `tangent`, `object` or `world`; null without one.
+    pub map_space: Option<&'static str>,
+    /// As the map says it, in that space; null without a normal map.
     pub mapped: Option<[f32; 3]>,
     /// What was shaded with; null where no normal per pixel was.
     pub shading: Option<[f32; 3]>,
@@ -190,6 +196,13 @@ pub struct Frame {
     pub bitangent: [f32; 3],
     /// Away from the surface.
     pub normal: [f32; 3],
+    /// What made the tangent: `file`, `mikktspace`, `average`, `per-triangle`, `from-normal` or `games101`.
+    pub rule: &'static str,
+    /// Why it is `from-normal` where the material asks for another rule: `no-uv` (the mesh has no such set); or why
+    /// corners of this triangle alone may have it: `no-uv-area` (its texture coordinates say no direction).
+    pub fallback: Option<&'static str>,
+    /// Whether the bitangent is mirrored: the tangent's w is -1, in the object as it stands.
+    pub mirrored: bool,
 }
 
 /// What a light adds.
@@ -386,6 +399,11 @@ fn fragment(scene: &Scene, t: &Trace<'_>, p: &Piece<'_>) -> Fragment {
     let mut normal = Normal {
         interpolated: p.surface.normal.normalize().array(),
         frame: None,
+        map_space: material.filter(|m| m.normal_map.is_some()).map(|m| match m.normal_space {
+            NormalSpace::Tangent => "tangent",
+            NormalSpace::Object => "object",
+            NormalSpace::World => "world",
+        }),
         mapped: None,
         shading: None,
         space: "world",
@@ -406,14 +424,23 @@ fn fragment(scene: &Scene, t: &Trace<'_>, p: &Piece<'_>) -> Fragment {
             }
             Note::Albedo(c) => albedo = c,
             Note::Frame { tangent, bitangent, normal: n } => {
-                normal.frame =
-                    Some(Frame { tangent: tangent.array(), bitangent: bitangent.array(), normal: n.array() });
+                let (rule, fallback) = material.map_or(("from-normal", None), |m| rule(mesh, m, p.triangle));
+                normal.frame = Some(Frame {
+                    tangent: tangent.array(),
+                    bitangent: bitangent.array(),
+                    normal: n.array(),
+                    rule,
+                    fallback,
+                    // On back faces the whole frame is turned to the viewer.
+                    mirrored: (n.cross(tangent).dot(bitangent) < 0.0) == p.front,
+                });
                 if material.is_some_and(|m| m.tbn_path == TbnPath::Tangent) {
                     normal.space = "tangent";
                 }
             }
             Note::Normal { mapped, shading } => {
-                normal.mapped = normal.frame.map(|_| mapped.array());
+                // Unlit and map-less surfaces have none.
+                normal.mapped = p.look.slot("normal").map(|_| mapped.array());
                 normal.shading = Some(shading.array());
             }
             Note::Light { light: k, direction, n_l, n_h, attenuation, visibility, diffuse, specular } => {
@@ -547,6 +574,25 @@ fn lookup(
         texels,
         value,
     })
+}
+
+/// What made the tangents of a triangle, and why it was not what the material asks for.
+fn rule(mesh: &Mesh, m: &Material, triangle: usize) -> (&'static str, Option<&'static str>) {
+    let set = m.normal_map.as_ref().map_or(0, |n| usize::from(n.texture.uv.min(1)));
+    let word = match m.tangent_frame {
+        TangentFrame::FromNormal => return ("from-normal", None),
+        TangentFrame::Games101 => return ("games101", None),
+        TangentFrame::Mikktspace if mesh.tangents.is_some() && m.normals == Normals::File && mesh.normals.is_some() => {
+            return ("file", None);
+        }
+        TangentFrame::Mikktspace => "mikktspace",
+        TangentFrame::Average => "average",
+        TangentFrame::PerTriangle => "per-triangle",
+    };
+    match &mesh.uv[set] {
+        None => ("from-normal", Some("no-uv")),
+        Some(uv) => (word, tangent::is_without_area(mesh, uv, triangle).then_some("no-uv-area")),
+    }
 }
 
 /// The texture in the slot that a note names.

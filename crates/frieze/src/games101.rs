@@ -11,10 +11,13 @@
 //! - a pixel's colour is multiplied with its coverage and overwrites what was there, which darkens every
 //!   edge, inner ones too \[E10\];
 //! - points are in view space but lights and eye are not \[E12c\];
+//! - a bump's slopes are differences per texel, whatever the size of mesh and texture, along a frame that has nothing to
+//!   do with u and v \[E13\]; mended, they are slopes of the surface, and any frame gives the same normal;
+//! - a height is the length of the RGB vector, 0 to 441, which displaces by up to 44 units with the camera 10 away
+//!   \[E14\]; mended, it is the mean of the channels, -1/2 to 1/2, in units of kn, for both shaders;
 //! - the picture sits one row too low and its lowest row is lost.
 //!
-//! That a height is the length of the RGB vector (0 to 441, E14) and that displacement moves only the point that
-//! is shaded (E17) is the assignment's method; it stays.
+//! That displacement moves only the point that is shaded (E17) is the assignment's method; it stays.
 
 use crate::error::{Error, Result};
 use crate::frame::Frame;
@@ -253,7 +256,22 @@ impl Triangle {
             color: Vec3::new(148.0, 121.0, 92.0) / 255.0,
             normal,
             tex_coords: u.uv * a + v.uv * b + w.uv * c,
+            slopes: [Vec3::default(); 2],
         }
+    }
+    /// How u and v grow on the triangle, per unit of view space; 0 for a triangle without area.
+    fn slopes(&self) -> [Vec3; 2] {
+        let [a, b, c] = &self.0;
+        let (e1, e2) = (b.view - a.view, c.view - a.view);
+        let n = e1.cross(e2);
+        let area2 = dot(n, n);
+        if area2.is_nan() || area2 <= 0.0 {
+            return [Vec3::default(); 2];
+        }
+        // What has these slopes along e1 and e2, and none along n.
+        let slope = |d1: f32, d2: f32| (e2.cross(n) * d1 + n.cross(e1) * d2) / area2;
+        let (d1, d2) = (b.uv - a.uv, c.uv - a.uv);
+        [slope(d1.x, d2.x), slope(d1.y, d2.y)]
     }
 }
 
@@ -325,6 +343,7 @@ fn rasterize(t: &Triangle, options: &Options, target: &mut Target, shader: impl 
     let round = |v: f32| if options.corrected { v.floor() as i64 } else { v as i64 };
     let (left, right) = (round(least(x)).max(0), round(most(x)).min(SIZE as i64));
     let (bottom, top) = (round(least(y)).max(0), round(most(y)).min(SIZE as i64));
+    let slopes = if options.corrected { t.slopes() } else { [Vec3::default(); 2] };
     for i in left..=right {
         for j in bottom..=top {
             let Some(index) = target.index(i, j) else { continue };
@@ -341,7 +360,7 @@ fn rasterize(t: &Triangle, options: &Options, target: &mut Target, shader: impl 
             if options.corrected {
                 // Depth is affine on the screen and belongs to each sample; attributes are divided by w (E8).
                 let w = [0, 1, 2].map(|k| at[k] / t.0[k].w);
-                let payload = t.payload(w.map(|v| v / (w[0] + w[1] + w[2])));
+                let payload = Payload { slopes, ..t.payload(w.map(|v| v / (w[0] + w[1] + w[2]))) };
                 let mut color = None;
                 for (k, [dx, dy]) in SAMPLES.iter().enumerate().filter(|(k, _)| covered[*k]) {
                     let b = t.barycentric(px + dx, py + dy);
@@ -374,6 +393,8 @@ struct Payload {
     color: Vec3,
     normal: Vec3,
     tex_coords: Vec2,
+    /// How u and v grow in space; only corrected shaders read it.
+    slopes: [Vec3; 2],
 }
 
 struct Lighting {
@@ -429,7 +450,7 @@ fn texture_fragment_shader(payload: Payload, lighting: &Lighting, texture: Optio
 const KH: f32 = 0.2;
 const KN: f32 = 0.1;
 
-/// The bumped normal and the height: rows 65, 72, 73, 75.
+/// The bumped normal and how far the point is moved along the normal: rows 65, 72, 73, 75.
 fn bumped(payload: &Payload, texture: &Texels<'_>, corrected: bool) -> (Vec3, f32) {
     let n = payload.normal;
     let s = (n.x * n.x + n.z * n.z).sqrt();
@@ -443,12 +464,22 @@ fn bumped(payload: &Payload, texture: &Texels<'_>, corrected: bool) -> (Vec3, f3
     let b = n.cross(t);
     let (u, v) = (payload.tex_coords.x, payload.tex_coords.y);
     let (w, h) = (texture.0.width() as f32, texture.0.height() as f32);
-    let height = norm(texture.color(u, v));
-    let du = KH * KN * (norm(texture.color(u + 1.0 / w, v)) - height);
-    let dv = KH * KN * (norm(texture.color(u, v + 1.0 / h)) - height);
-    let ln = Vec3::new(-du, -dv, 1.0);
+    let (ln, offset) = if corrected {
+        // E14: one number, signed (row 75). E13: its slope in space, then along t and b (row 67: whichever they are).
+        let height = |u: f32, v: f32| KN * (dot(texture.color(u, v), Vec3::splat(1.0)) / (3.0 * 255.0) - 0.5);
+        let here = height(u, v);
+        let du = (height(u + 1.0 / w, v) - here) * w;
+        let dv = (height(u, v + 1.0 / h) - here) * h;
+        let slope = payload.slopes[0] * du + payload.slopes[1] * dv;
+        (Vec3::new(-dot(slope, t), -dot(slope, b), 1.0), here)
+    } else {
+        let height = norm(texture.color(u, v));
+        let du = KH * KN * (norm(texture.color(u + 1.0 / w, v)) - height);
+        let dv = KH * KN * (norm(texture.color(u, v + 1.0 / h)) - height);
+        (Vec3::new(-du, -dv, 1.0), KN * height)
+    };
     let row = |t: f32, b: f32, n: f32| dot(Vec3::new(t, b, n), ln);
-    (normalized(Vec3::new(row(t.x, b.x, n.x), row(t.y, b.y, n.y), row(t.z, b.z, n.z))), height)
+    (normalized(Vec3::new(row(t.x, b.x, n.x), row(t.y, b.y, n.y), row(t.z, b.z, n.z))), offset)
 }
 
 fn bump_fragment_shader(payload: Payload, texture: Option<&Texels<'_>>, corrected: bool) -> Vec3 {
@@ -463,8 +494,8 @@ fn displacement_fragment_shader(
     corrected: bool,
 ) -> Vec3 {
     let Some(texture) = texture else { return phong_fragment_shader(payload, lighting) };
-    let (normal, height) = bumped(&payload, texture, corrected);
-    let point = payload.view_pos + payload.normal * KN * height;
+    let (normal, offset) = bumped(&payload, texture, corrected);
+    let point = payload.view_pos + payload.normal * offset;
     blinn_phong(payload.color, point, normal, lighting)
 }
 
@@ -734,12 +765,18 @@ mod tests {
         let ramp: Vec<u8> = (0..=255).flat_map(|v| [v, v, v]).collect();
         let ramp = Image::new(256, 1, 3, Pixels::U8(ramp), Encoding::Srgb).unwrap();
         let n = Vec3::new(0.48, 0.6, 0.64);
-        let payload = Payload { view_pos: Z, color: Z, normal: n, tex_coords: Vec2::new(0.5, 0.5) };
+        let payload =
+            Payload { view_pos: Z, color: Z, normal: n, tex_coords: Vec2::new(0.5, 0.5), slopes: [Vec3::default(); 2] };
         for corrected in [false, true] {
-            let (got, _) = bumped(&payload, &Texels(&ramp), corrected);
             let sign = if corrected { -1.0 } else { 1.0 };
             let t = Vec3::new(sign * 0.48 * 0.6 / 0.8, 0.8, sign * 0.64 * 0.6 / 0.8);
-            let du = 0.02 * 3f32.sqrt();
+            // Corrected: u grows by 0.7 per unit along t, a grey level is KN / 255 high, and a texel 1/256 of u wide.
+            let payload = Payload { slopes: [t * 0.7, n.cross(t) * 0.3], ..payload };
+            let (got, offset) = bumped(&payload, &Texels(&ramp), corrected);
+            let du = if corrected { 0.7 * 256.0 * 0.1 / 255.0 } else { 0.02 * 3f32.sqrt() };
+            // Texel 128 of 255.
+            let want = if corrected { 0.1 * (128.0 / 255.0 - 0.5) } else { 0.1 * 128.0 * 3f32.sqrt() };
+            assert!((offset - want).abs() < 1e-5 * want.abs() + 1e-7, "{offset} {want}");
             let want = (n - t * du).normalize();
             assert!((got - want).length() < 1e-6, "{got:?} {want:?}");
             // Rounding only: t is unit and orthogonal; the hint's t . n is 2 y s.
@@ -748,6 +785,34 @@ mod tests {
         }
         let pole = Payload { normal: Vec3::new(0.0, 1.0, 0.0), ..payload };
         assert!(bumped(&pole, &Texels(&ramp), true).0.is_finite());
+    }
+
+    #[test]
+    fn row_72_to_75_corrected_bumps_are_slopes_of_the_surface() {
+        // A wall of 20 x 20 units whose picture of 256 columns rises from black to white along u, seen from the front:
+        // the surface rises by KN on 20 units, whatever the frame.
+        let v = |x: f32, y: f32| (Vec3::new(x, y, -10.0), Z, [x / 20.0 + 0.5, y / 20.0 + 0.5]);
+        let m = mesh(&[[v(-10.0, -10.0), v(10.0, -10.0), v(0.0, 10.0)]]);
+        let stage = VertexStage::new(true);
+        let t = stage.triangle(&m, 0).unwrap();
+        let [du, dv] = t.slopes();
+        // 2.5 x model and a turn in f32.
+        assert!((du - Vec3::new(0.05, 0.0, 0.0)).length() < 1e-6 && (dv - Vec3::new(0.0, 0.05, 0.0)).length() < 1e-6);
+        for (width, tilt) in [(256u32, 1.0), (64, 1.0)] {
+            let ramp: Vec<u8> = (0..width).flat_map(|v| [(v * 255 / (width - 1)) as u8; 3]).collect();
+            let ramp = Image::new(width, 1, 3, Pixels::U8(ramp), Encoding::Srgb).unwrap();
+            let payload = Payload { slopes: t.slopes(), ..t.payload([0.3, 0.3, 0.4]) };
+            let (n, _) = bumped(&payload, &Texels(&ramp), true);
+            // Steps of whole grey levels: at 64 columns of 4.05 levels. E13: the printed form depends on the width.
+            let want = tilt * 0.1 / 20.0;
+            assert!((-n.x / n.z - want).abs() < 0.02 * want && n.y.abs() < 1e-6, "{n:?}");
+        }
+        // E14 and row 75: black lies below the surface as far as white stands above it, and no farther than KN / 2.
+        let offset = |rgb: [u8; 3]| bumped(&t.payload([0.3, 0.3, 0.4]), &Texels(&solid(rgb)), true).1;
+        assert!((offset([0; 3]) + 0.05).abs() < 1e-7 && (offset([255; 3]) - 0.05).abs() < 1e-7);
+        assert_eq!(offset([255, 0, 0]), offset([0, 0, 255]));
+        let printed = bumped(&t.payload([0.3, 0.3, 0.4]), &Texels(&solid([255; 3])), false).1;
+        assert!(printed > 44.0, "erratum E14: {printed}");
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! `Scene -> Prepared`: meshlets, instances, tangents, mip levels. `Prepared -> View`: one camera's transforms.
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Finding, Result};
 use crate::image::pyramid::{Pyramid, Rule};
 use crate::image::{Encoding, Image};
 use crate::job::{Job, Reservation};
@@ -11,7 +11,9 @@ use crate::mesh::topology::{self, Weight};
 use crate::mesh::{Attribute, Mesh, tangent};
 use crate::raster::{MAX_SIZE, Target};
 use crate::scene::camera::Lens;
-use crate::scene::{Ambient, Camera, Light, Material, Normals, Output, Scene, TangentFrame, Texture, View as Choice};
+use crate::scene::{
+    Ambient, Camera, Light, Material, NormalSpace, Normals, Output, Scene, TangentFrame, Texture, View as Choice,
+};
 use rayon::prelude::*;
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -36,6 +38,8 @@ pub struct Prepared {
     pub camera: Option<Camera>,
     /// World bounds; `None` for an empty scene.
     pub bounds: Option<(Vec3, Vec3)>,
+    /// What is odd about how meshes, transforms and normal maps fit together.
+    pub findings: Vec<Finding>,
     pyramids: Vec<(Key, Arc<Pyramid>)>,
     encodings: Vec<Encoding>,
     _held: Reservation,
@@ -87,27 +91,42 @@ struct Recipe {
     tangents: Option<(TangentFrame, usize)>,
 }
 
+/// What is to be cooked beside what shading reads.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Needs {
+    /// Tangents of every mesh, even where no normal map reads them: for overlays.
+    pub tangents: bool,
+}
+
 impl Prepared {
-    /// Cooks every mesh and map that an object shows.
+    /// [`Prepared::with`] what shading reads.
     ///
     /// # Errors
     /// `job.memory` over the budget, `job.interrupted` when cancelled, `scene.index` for an index that leads
     /// nowhere.
     pub fn new(scene: &Scene, job: &Job) -> Result<Self> {
-        Self::cook(scene, Cow::Borrowed(&scene.images), job)
+        Self::cook(scene, Cow::Borrowed(&scene.images), &Needs::default(), job)
     }
 
-    /// As [`Self::new`], for a scene that is needed no longer: its images are dropped as soon as their mip levels are
-    /// made, so that they don't stand beside the cooked meshes.
+    /// As [`Prepared::new`], with what more is needed.
     ///
     /// # Errors
-    /// Those of [`Self::new`].
-    pub fn consume(mut scene: Scene, job: &Job) -> Result<Self> {
-        let images = std::mem::take(&mut scene.images);
-        Self::cook(&scene, Cow::Owned(images), job)
+    /// As [`Prepared::new`].
+    pub fn with(scene: &Scene, needs: &Needs, job: &Job) -> Result<Self> {
+        Self::cook(scene, Cow::Borrowed(&scene.images), needs, job)
     }
 
-    fn cook(scene: &Scene, images: Cow<'_, [Arc<Image>]>, job: &Job) -> Result<Self> {
+    /// As [`Prepared::with`], for a scene that is needed no longer: its images are dropped as soon as their mip levels
+    /// are made, so that they don't stand beside the cooked meshes.
+    ///
+    /// # Errors
+    /// Those of [`Prepared::new`].
+    pub fn consume(mut scene: Scene, needs: &Needs, job: &Job) -> Result<Self> {
+        let images = std::mem::take(&mut scene.images);
+        Self::cook(&scene, Cow::Owned(images), needs, job)
+    }
+
+    fn cook(scene: &Scene, images: Cow<'_, [Arc<Image>]>, needs: &Needs, job: &Job) -> Result<Self> {
         check(scene, images.len())?;
         job.progress("prepare", 0, 1);
         let mut materials = scene.materials.clone();
@@ -118,7 +137,8 @@ impl Prepared {
         for (number, object) in scene.objects.iter().enumerate() {
             let slots = if object.materials.is_empty() { vec![materials.len() - 1] } else { object.materials.clone() };
             slots.iter().for_each(|&m| used[m] = true);
-            let tilted = slots.iter().map(|&m| &materials[m]).find(|m| m.needs_tangent());
+            let all = slots.iter().map(|&m| &materials[m]);
+            let tilted = all.clone().find(|m| m.needs_tangent()).or(all.clone().next().filter(|_| needs.tangents));
             let recipe = Recipe {
                 mesh: object.mesh,
                 normals: materials[slots[0]].normals,
@@ -144,21 +164,35 @@ impl Prepared {
         let texels: u64 = keys.iter().map(|k| Pyramid::bytes_for(&images[k.image], k.rule)).sum();
         let held = job.reserve(geometry + texels, "the scene's geometry and textures")?;
         let encodings = images.iter().map(|i| i.encoding).collect();
-        let (pyramids, meshes): (_, Vec<Meshlets>) = job.run(|| {
+        let (pyramids, (meshes, without_area)) = job.run(|| {
             rayon::join(
                 move || {
                     let make = |k: &Key| (*k, Arc::new(Pyramid::with(&images[k.image], k.rule)));
                     keys.par_iter().map(make).collect::<Vec<_>>()
                 },
-                || recipes.par_iter().map(|r| cook(&scene.meshes[r.mesh], r)).collect::<Vec<_>>(),
+                || recipes.par_iter().map(|r| cook(&scene.meshes[r.mesh], r)).collect::<(Vec<Meshlets>, Vec<_>)>(),
             )
         });
         job.check()?;
         job.progress("prepare", 1, 1);
         let cooked = |mesh| recipes.iter().position(|r| r.mesh == mesh).and_then(|k| meshes[k].bounds);
         let bounds = scene.bounds_of(cooked);
+        let mut findings = misfits(scene, &instances, &materials);
+        for (recipe, count) in recipes.iter().zip(without_area).filter(|(_, count)| *count > 0) {
+            let (mesh, set) = (&scene.meshes[recipe.mesh], recipe.tangents.map_or(0, |t| t.1));
+            findings.push(Finding::note(
+                "tangent.no-uv-area",
+                format!(
+                    "{count} of {} triangles of {} have no area in UV set {set}",
+                    mesh.triangle_count(),
+                    mesh_name(scene, recipe.mesh)
+                ),
+                "normal maps have no direction there; tangents are made from the normals. Unwrap these triangles",
+            ));
+        }
         Ok(Prepared {
             meshes,
+            findings,
             instances,
             materials,
             lights: scene.lights.clone(),
@@ -202,6 +236,57 @@ impl Prepared {
     }
 }
 
+fn mesh_name(scene: &Scene, k: usize) -> String {
+    match &scene.meshes[k].name[..] {
+        "" => format!("mesh {k}"),
+        name => format!("mesh `{}`", name.chars().take(60).collect::<String>()),
+    }
+}
+
+/// Normal maps that do not fit the mesh or the transform of an object; each pair of mesh and material once.
+fn misfits(scene: &Scene, instances: &[Instance], materials: &[Material]) -> Vec<Finding> {
+    let mut findings = Vec::new();
+    let mut seen: Vec<(usize, usize, bool)> = Vec::new();
+    for instance in instances {
+        let mesh = scene.objects[instance.object].mesh;
+        for &m in &instance.materials {
+            let material = &materials[m];
+            let Some(map) = &material.normal_map else { continue };
+            let turned = (0..3).any(|c| {
+                let axis = instance.transform.column(c).xyz().normalize();
+                (0..3).any(|r| (axis.array()[r] - f32::from(u8::from(r == c))).abs() > 1e-4)
+            });
+            let world = material.normal_space == NormalSpace::World && turned;
+            let key = (mesh, m, world);
+            if seen.contains(&key) {
+                continue;
+            }
+            seen.push(key);
+            let named = match &material.name[..] {
+                "" => format!("material {m}"),
+                name => format!("material `{}`", name.chars().take(60).collect::<String>()),
+            };
+            if world {
+                // Row 51.
+                findings.push(Finding::warning(
+                    "normal.world-space-turned",
+                    format!("the normal map of {named} holds world-space normals, but {} is turned", mesh_name(scene, mesh)),
+                    "it is drawn as the map says, which is wrong unless the map was made for this place; use a tangent-space map",
+                ));
+            }
+            let set = usize::from(map.texture.uv.min(1));
+            if scene.meshes[mesh].uv[set].is_none() && material.needs_tangent() {
+                findings.push(Finding::warning(
+                    "tangent.no-uv",
+                    format!("the normal map of {named} needs UV set {set}, which {} has not", mesh_name(scene, mesh)),
+                    "one texel of it is shown everywhere, about axes made from the normals; unwrap the mesh",
+                ));
+            }
+        }
+    }
+    findings
+}
+
 /// Every index of the scene leads somewhere.
 fn check(scene: &Scene, images: usize) -> Result<()> {
     let wrong =
@@ -239,7 +324,8 @@ fn cooked_bytes(mesh: &Mesh) -> u64 {
     most * vertex + triangles * 20
 }
 
-fn cook(mesh: &Mesh, recipe: &Recipe) -> Meshlets {
+/// The clusters of a mesh, and how many of its triangles have no area in the UV set that its tangents are made from.
+fn cook(mesh: &Mesh, recipe: &Recipe) -> (Meshlets, usize) {
     let weigh = |weight| Some(topology::vertex_normals(mesh, weight));
     let made: Option<Attribute<[f32; 3]>> = match recipe.normals {
         Normals::File if mesh.normals.is_some() => None,
@@ -249,19 +335,30 @@ fn cook(mesh: &Mesh, recipe: &Recipe) -> Meshlets {
         Normals::Uniform => weigh(Weight::Uniform),
     };
     let normals = made.as_ref().or(mesh.normals.as_ref());
+    let mut without_area = 0;
+    let mut solved = |uv| without_area = tangent::without_area(mesh, uv);
     let tangents = match (recipe.tangents, normals) {
         (Some((frame, set)), Some(normals)) => match (frame, mesh.uv[set].as_ref()) {
             (TangentFrame::Mikktspace, _) if mesh.tangents.is_some() && made.is_none() => {
                 mesh.tangents.as_ref().map(Cow::Borrowed)
             }
-            (TangentFrame::Mikktspace, Some(uv)) => Some(Cow::Owned(tangent::mikktspace(mesh, normals, uv))),
-            (TangentFrame::Average, Some(uv)) => Some(Cow::Owned(tangent::average(mesh, normals, uv))),
-            (TangentFrame::PerTriangle, Some(uv)) => Some(Cow::Owned(tangent::per_triangle(mesh, normals, uv))),
+            (TangentFrame::Mikktspace, Some(uv)) => {
+                solved(uv);
+                Some(Cow::Owned(tangent::mikktspace(mesh, normals, uv)))
+            }
+            (TangentFrame::Average, Some(uv)) => {
+                solved(uv);
+                Some(Cow::Owned(tangent::average(mesh, normals, uv)))
+            }
+            (TangentFrame::PerTriangle, Some(uv)) => {
+                solved(uv);
+                Some(Cow::Owned(tangent::per_triangle(mesh, normals, uv)))
+            }
             _ => Some(Cow::Owned(tangent::from_normal(mesh, normals))),
         },
         _ => None,
     };
-    Meshlets::new(
+    let clusters = Meshlets::new(
         mesh,
         &Sources {
             normals,
@@ -269,7 +366,8 @@ fn cook(mesh: &Mesh, recipe: &Recipe) -> Meshlets {
             uv: [mesh.uv[0].as_ref(), mesh.uv[1].as_ref()],
             colors: mesh.colors.as_ref(),
         },
-    )
+    );
+    (clusters, without_area)
 }
 
 impl Instance {

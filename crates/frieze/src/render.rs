@@ -4,19 +4,21 @@ mod aov;
 mod depth;
 mod layer;
 mod light;
+pub mod overlay;
 mod point;
 mod tile;
 mod trace;
 
 pub use depth::light_depth;
+pub use overlay::{Overlay, Overlays};
 pub(crate) use trace::{Piece, Trace, trace};
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Finding, Result};
 use crate::frame::{Frame, Plane, Values};
 use crate::image::{Encoding, Image, Pixels};
 use crate::job::Job;
 use crate::math::lane::Level;
-use crate::prepare::{self, Prepared, View};
+use crate::prepare::{self, Needs, Prepared, View};
 use crate::raster::geometry::{Class, Draw, Geometry, Slot};
 use crate::raster::tile::Place;
 use crate::raster::{Bins, TILE};
@@ -103,6 +105,8 @@ pub struct RenderOptions {
     pub format: Format,
     /// Extra planes.
     pub aovs: Vec<Aov>,
+    /// Lines that are drawn over the picture.
+    pub overlays: Overlays,
 }
 
 /// What a frame took; shows that nothing was kept from the frame before.
@@ -112,6 +116,8 @@ pub struct Report {
     pub stages: Vec<(&'static str, Duration)>,
     /// What was counted: `vertices_transformed`, `triangles_binned`, `shadow_samples`, `pixels_shaded`, ...
     pub counters: Vec<(&'static str, u64)>,
+    /// What could not be shown as it was asked for.
+    pub findings: Vec<Finding>,
 }
 
 impl Format {
@@ -130,7 +136,8 @@ impl Format {
 /// # Errors
 /// `render.size`, `render.samples`, `render.camera` for what is not possible; those of [`Prepared::new`].
 pub fn render(scene: &Scene, options: &RenderOptions) -> Result<Frame> {
-    Ok(frame(&Prepared::new(scene, &options.job)?, options)?.0)
+    let tangents = options.overlays.list.contains(&Overlay::Tbn);
+    Ok(frame(&Prepared::with(scene, &Needs { tangents }, &options.job)?, options)?.0)
 }
 
 /// What all passes of a frame share.
@@ -220,6 +227,15 @@ fn split(bytes: &mut [u8], width: usize, pixel: usize, side: usize) -> Vec<Vec<&
 /// # Errors
 /// As [`render`].
 pub fn frame(prepared: &Prepared, options: &RenderOptions) -> Result<(Frame, Report)> {
+    if !options.overlays.list.is_empty() {
+        let mut drawn = frame_of(prepared, &overlay::with_planes(options))?;
+        drawn.0.planes.truncate(options.aovs.len());
+        return Ok(drawn);
+    }
+    frame_of(prepared, options)
+}
+
+fn frame_of(prepared: &Prepared, options: &RenderOptions) -> Result<(Frame, Report)> {
     let Plan { view, size: (width, height), supersample } = plan(prepared, options)?;
     let job = &options.job;
     job.check()?;
@@ -400,5 +416,10 @@ fn draw(
             },
         })
         .collect();
-    Ok((Frame { color: Image::new(width, height, 4, values, encoding)?, planes }, report))
+    let mut frame = Frame { color: Image::new(width, height, 4, values, encoding)?, planes };
+    if !options.overlays.list.is_empty() {
+        frame = overlay::draw(&pass, view, &draws, &options.overlays, frame, &mut report)?;
+        lap(&mut report, "overlay");
+    }
+    Ok((frame, report))
 }

@@ -1,6 +1,7 @@
 //! The built-in scenes, all made by code: `sample:NAME` at every door. Tests, benchmarks and docs share them.
 
 mod frieze;
+mod head;
 mod noise;
 mod stress;
 mod texture;
@@ -14,10 +15,11 @@ use crate::scene::{
 };
 
 /// Every built-in scene with one line about it.
-pub const NAMES: [(&str, &str); 10] = [
+pub const NAMES: [(&str, &str); 11] = [
     ("frieze", "the showpiece: a carved stone relief with a gilded meander, in raking light"),
     ("teapot", "Newell's teapot from its Bezier patches, glazed, on a wooden table"),
     ("wall", "a brick wall that is one quad with a normal map"),
+    ("mirrored-head", "a head whose halves share one normal map: half of the texture coordinates are mirrored"),
     ("cubes", "plane and cubes under one directional light with a shadow map"),
     ("ground", "a checkered plane to the horizon, to compare texture filters"),
     ("spheres", "materials: metals and dielectrics by roughness, and Blinn-Phong by shininess"),
@@ -43,6 +45,7 @@ pub fn scaled(name: &str, fraction: f32) -> Option<Scene> {
         "frieze" => frieze::scene(),
         "teapot" => teapot(),
         "wall" => wall(),
+        "mirrored-head" => head::scene(),
         "cubes" => cubes(),
         "ground" => ground(),
         "spheres" => spheres(),

@@ -9,6 +9,7 @@ pub mod scene;
 pub use camera::{Camera, Projection};
 pub use light::{Bias, Falloff, Light, LightKind, Shadow, ShadowFilter, ShadowProjection, ShadowWrap};
 pub use material::{
-    Alpha, Channel, HeightMap, Material, Model, NormalMap, Normals, Shading, TangentFrame, TbnPath, Texture,
+    Alpha, Channel, HeightMap, Material, Model, NormalMap, NormalSpace, NormalZero, Normals, Shading, TangentFrame,
+    TbnPath, Texture,
 };
 pub use scene::{Ambient, Background, Object, Output, Scene, ToneMap, View};

@@ -128,6 +128,7 @@ mod tests {
             plane: up(normal.normalize()),
             tangent: up(Vec3::new(1.0, 0.0, 0.0)),
             sign: l.f(1.0),
+            object: [Vec3::new(1.0, 0.0, 0.0), Vec3::new(0.0, 1.0, 0.0), Vec3::new(0.0, 0.0, 1.0)],
             uv: [Vec2::splat(l.f(0.25)); 2],
             footprint: [none; 2],
             color: Vec4::splat(l.f(1.0)),

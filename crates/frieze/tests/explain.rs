@@ -10,8 +10,8 @@ use frieze::mesh::shape;
 use frieze::prepare::Prepared;
 use frieze::render::{Format, RenderOptions, frame};
 use frieze::scene::{
-    Alpha, Background, Camera, Light, LightKind, Material, Model, NormalMap, Scene, Shading, TbnPath, Texture, ToneMap,
-    View,
+    Alpha, Background, Camera, Light, LightKind, Material, Model, NormalMap, NormalSpace, Scene, Shading, TangentFrame,
+    TbnPath, Texture, ToneMap, View,
 };
 use frieze::{explain, samples};
 
@@ -206,6 +206,49 @@ fn flat_and_gouraud_lights_sum_to_what_is_reflected() {
         seen += 1;
     }
     assert!(seen > 50 && scene.materials.iter().any(|m| m.shading == Shading::Flat));
+}
+
+#[test]
+fn the_tangent_frame_says_what_made_it() {
+    let head = samples::scene("mirrored-head").unwrap();
+    let options = RenderOptions { size: (64, 72), samples: 1, ..Default::default() };
+    let frame_at = |scene: &Scene, x, y| {
+        let e = explain(scene, &options, x, y).unwrap();
+        let normal = e.fragments[0].normal.clone();
+        assert_eq!((normal.map_space, normal.mapped.is_some()), (Some("tangent"), true));
+        normal.frame.unwrap()
+    };
+    // Seen from the front and a little from its right side, -X: u grows to the left on one cheek, to the right on the
+    // other.
+    let (left, right) = (frame_at(&head, 18, 36), frame_at(&head, 44, 36));
+    assert!(left.tangent[0] < 0.0 && right.tangent[0] > 0.0);
+    assert!(left.mirrored != right.mirrored && left.bitangent[1] > 0.0 && right.bitangent[1] > 0.0);
+    assert_eq!((left.rule, left.fallback), ("mikktspace", None));
+    let with = |change: &dyn Fn(&mut Scene)| {
+        let mut scene = head.clone();
+        change(&mut scene);
+        let f = frame_at(&scene, 18, 36);
+        (f.rule, f.fallback)
+    };
+    assert_eq!(with(&|s| s.materials[0].tangent_frame = TangentFrame::Average), ("average", None));
+    assert_eq!(with(&|s| s.materials[0].tangent_frame = TangentFrame::PerTriangle), ("per-triangle", None));
+    assert_eq!(with(&|s| s.materials[0].tangent_frame = TangentFrame::FromNormal), ("from-normal", None));
+    assert_eq!(with(&|s| s.materials[0].tangent_frame = TangentFrame::Games101), ("games101", None));
+    assert_eq!(with(&|s| s.meshes[0].uv = [None, None]), ("from-normal", Some("no-uv")));
+    let flat = |s: &mut Scene| s.meshes[0].uv[0].as_mut().unwrap().values.fill([0.5; 2]);
+    assert_eq!(with(&flat), ("mikktspace", Some("no-uv-area")));
+    // Tangents of the file come first.
+    let given = |s: &mut Scene| {
+        let m = &s.meshes[0];
+        let made = frieze::mesh::tangent::mikktspace(m, m.normals.as_ref().unwrap(), m.uv[0].as_ref().unwrap());
+        s.meshes[0].tangents = Some(made);
+    };
+    assert_eq!(with(&given), ("file", None));
+    // A map in object space has no frame.
+    let mut object = head.clone();
+    object.materials[0].normal_space = NormalSpace::Object;
+    let normal = explain(&object, &options, 18, 36).unwrap().fragments[0].normal.clone();
+    assert!(normal.frame.is_none() && normal.mapped.is_some() && normal.map_space == Some("object"));
 }
 
 #[test]

@@ -1,6 +1,8 @@
-//! Golden pictures, exact: each file of `golden/` is a scene, each scene has a file. They change through
+//! Golden pictures, exact: each file of `golden/` is a scene or a lesson, each of them has a file. They change through
 //! `cargo xtask golden` only (law 10).
 
+#[path = "pictures/lessons.rs"]
+mod lessons;
 #[path = "pictures/scenes.rs"]
 mod scenes;
 
@@ -19,7 +21,7 @@ fn pixels(image: &Image) -> Vec<[u32; 4]> {
 #[test]
 fn pictures_are_as_they_were() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden");
-    let mut missing = scenes::names();
+    let mut missing = [scenes::names(), lessons::NAMES.to_vec(), scenes::DRAWN_OVER.map(|o| o.0).to_vec()].concat();
     let mut changed = Vec::new();
     let mut bytes = 0;
     let mut paths: Vec<_> = std::fs::read_dir(&folder).unwrap().map(|e| e.unwrap().path()).collect();
@@ -33,7 +35,13 @@ fn pictures_are_as_they_were() {
         let (expected, _) = frieze::load::image(&path, &LoadOptions::default()).unwrap();
         let size = (expected.width(), expected.height());
         assert!(size.0.max(size.1) <= MOST.0, "{}: {size:?} is large", path.display());
-        let actual = render(&scenes::scene(name), &RenderOptions { size, ..Default::default() }).unwrap().color;
+        let actual = if lessons::NAMES.contains(&name) {
+            lessons::picture(name)
+        } else {
+            let (scene, overlays) = scenes::scene_with_overlays(name);
+            render(&scene, &RenderOptions { size, overlays, ..Default::default() }).unwrap().color
+        };
+        assert_eq!(size, (actual.width(), actual.height()), "{}", path.display());
         let (a, b) = (pixels(&expected), pixels(&actual));
         let count = a.iter().zip(&b).filter(|(a, b)| a != b).count();
         if count > 0 {

@@ -31,6 +31,7 @@ impl Kernel for Bits<'_> {
                 plane: Vec3::new(x, x * 0.3 + 0.1, l.f(0.8)).normalize(),
                 tangent: Vec3::new(l.f(1.0), x * 0.2, x * -0.4),
                 sign: l.f(-1.0),
+                object: [Vec3::new(1.0, 0.0, 0.0), Vec3::new(0.0, 1.0, 0.0), Vec3::new(0.0, 0.0, 1.0)],
                 uv: [Vec2::new(x * 0.7, x * 1.3); 2],
                 footprint: [Footprint { dudx: l.f(0.1), dvdx: zero, dudy: zero, dvdy: l.f(0.3) }; 2],
                 color: Vec4::splat(l.f(0.9)),

@@ -5,6 +5,8 @@
 //! surface's normal. A texel of `b` bits holds `round((2^b - 1) (n/2 + 1/2))`, so a component comes back with an
 //! error of at most `1 / (2^b - 1)` before the vector is made of unit length again: 0.0039 for 8 bits. Zero lies
 //! between two codes: the flat texel (128, 128, 255) leans by 0.32 degrees, at full depth of 16 bits by 0.0012.
+//! Maps that were written with another zero, the code 128 (32768), are read through [`exact_zero`]: then that texel is
+//! flat and a component's error is at most `1 / (2^b - 2)`.
 
 use crate::math::lane::Num;
 use crate::math::vec::{Vec3, Vec4};
@@ -25,6 +27,25 @@ pub fn quantize(value: f32, max: u32) -> u32 {
 /// The 8-bit texel of a tangent-space unit normal.
 pub fn encode_u8(n: Vec3, y_down: bool) -> [u8; 3] {
     encode(n, y_down).array().map(|v| quantize(v, 255) as u8)
+}
+
+/// A texel value `0 ..= 1` of `v` in -1 ..= 1 with the exact zero: the code `(max + 1) / 2 + v (max - 1) / 2`, such as
+/// 128 + 127 v. [`quantize`] makes the integer of it.
+pub fn encode_exact(v: f32, max: u32) -> f32 {
+    let (middle, half) = (max.div_ceil(2) as f32, (max / 2) as f32);
+    (middle + half * v) / max as f32
+}
+
+/// Moves a texel's values so that [`decode`] finds 0 exactly where the code `(max + 1) / 2` stands, -1 at the code 1
+/// (and at 0) and 1 at `max`.
+#[inline(always)]
+pub fn exact_zero<N: Num>(texel: Vec4<N>, max: u32) -> Vec4<N> {
+    let (middle, half) = (max.div_ceil(2) as f32, (max / 2) as f32);
+    let move_to = |c: N| {
+        let v = (c * max as f32 - middle) * (0.5 / half);
+        v.max(c.lift(-0.5)) + 0.5
+    };
+    Vec4::new(move_to(texel.x), move_to(texel.y), move_to(texel.z), texel.w)
 }
 
 /// The tangent-space unit normal that a texel of values `0 ..= 1` holds: `2 c - 1`, y turned when it points down
@@ -108,6 +129,31 @@ mod tests {
             for k in [0, 1, 100, max / 2, max / 2 + 1, max - 1, max] {
                 let d = decode(Vec4::new(k as f32 / max as f32, 0.5, 0.5, 1.0), 1.0, false, 2).x;
                 assert_eq!(quantize(encode(Vec3::new(d, 0.0, 0.0), false).x, max), k);
+            }
+        }
+    }
+
+    #[test]
+    fn row_49_an_exact_zero_is_an_option() {
+        for max in [255u32, 65535] {
+            let store = |v: f32| quantize(encode_exact(v, max), max);
+            let read = |n: [u32; 3]| {
+                let texel = Vec3::from(n.map(|c| c as f32 / max as f32)).extend(1.0);
+                decode(exact_zero(texel, max), 1.0, false, 3)
+            };
+            let middle = max.div_ceil(2);
+            // Flat is flat, bit for bit, where half of the largest code leans.
+            assert_eq!([store(0.0), store(1.0), store(-1.0)], [middle, max, 1]);
+            assert_eq!(read([middle, middle, max]).array(), [0.0, 0.0, 1.0]);
+            assert!(decode(Vec3::from([middle as f32 / max as f32; 3]).extend(1.0), 1.0, false, 3).x > 0.0);
+            // Codes 0 and 1 are both -1; each axis is hit exactly.
+            for (code, n) in [(0, -1.0), (1, -1.0), (max, 1.0)] {
+                assert_eq!(read([code, middle, middle]).array(), [n, 0.0, 0.0]);
+            }
+            // As in the other policy: half a code per component, and as much again for the unit length.
+            let bound = 2.0 * 3.0f32.sqrt() / (max - 1) as f32 + 4e-7;
+            for n in directions() {
+                assert!((read(n.array().map(store)) - n).length() <= bound, "{n:?} {max}");
             }
         }
     }

@@ -92,6 +92,16 @@ fn solve_triangle(mesh: &Mesh, uv: &Attribute<[f32; 2]>, t: usize) -> Option<(Ve
     solve(p[1] - p[0], p[2] - p[0], q[1] - q[0], q[2] - q[0])
 }
 
+/// Whether the texture coordinates of a triangle say no direction: its corners get [`from_normal`]'s.
+pub fn is_without_area(mesh: &Mesh, uv: &Attribute<[f32; 2]>, triangle: usize) -> bool {
+    solve_triangle(mesh, uv, triangle).is_none()
+}
+
+/// How many triangles have no area in a UV set.
+pub fn without_area(mesh: &Mesh, uv: &Attribute<[f32; 2]>) -> usize {
+    (0..mesh.triangle_count()).filter(|&t| is_without_area(mesh, uv, t)).count()
+}
+
 /// The tangent of a corner from derivatives and the corner's unit normal; Duff's where that gives none.
 fn frame(derivatives: Option<(Vec3, Vec3)>, n: Vec3) -> [f32; 4] {
     match derivatives.and_then(|(t, b)| Some((gram_schmidt(t, n)?, b))) {
@@ -248,7 +258,10 @@ impl Geometry<Exact> for Mikk<'_> {
 /// MikkTSpace (Mikkelsen 2008), which bakers and glTF agree on, over the triangles of the mesh. Where it finds no
 /// tangent, [`from_normal`]'s.
 ///
-/// The result has the same bits on every machine. Not parallel within a mesh: call it for several at once.
+/// The result has the same bits on every machine, and those of `mikktspace.c` (1.0, Mikkelsen) compiled without fused
+/// operations, but where the C library's `acos` rounds otherwise: it weights triangles by an angle in single precision,
+/// and ours is within half a unit of double precision before it is rounded to single, so that only an angle that
+/// lies that near to the middle between two floats can differ (about one in 10^8). Not parallel within a mesh: call it for several at once.
 pub fn mikktspace(mesh: &Mesh, normals: &Attribute<[f32; 3]>, uv: &Attribute<[f32; 2]>) -> Attribute<[f32; 4]> {
     let mut mikk = Mikk { mesh, normals, uv, tangents: vec![[0.0; 4]; 3 * mesh.triangle_count()] };
     for t in 0..mesh.triangle_count() {

@@ -67,6 +67,19 @@ impl Frustum {
     }
 }
 
+/// The corners of the box that a directional light's shadow map sees, world space; bits 1, 2 and 4 of a corner's number
+/// tell right, up and far. `None` for lights that have no map.
+pub(super) fn frustum(light: &Light, pass: &Pass<'_>) -> Option<[Vec3; 8]> {
+    let shadow = light.shadow.as_ref().filter(|_| light.kind == LightKind::Directional)?;
+    let f = Frustum::new(light, shadow, &pass.prepared.corners());
+    let [right, up, back] = f.axes;
+    Some(core::array::from_fn(|k| {
+        let pick = |bit: usize, lo: f64, hi: f64| (if k & bit == 0 { lo } else { hi }) as f32;
+        let across = right * pick(1, -f.extent, f.extent) + up * pick(2, -f.extent, f.extent);
+        f.eye + across - back * pick(4, f.near, f.far)
+    }))
+}
+
 /// Texels along each side of a map that is asked to have `size`.
 pub(super) fn side(size: u32) -> u32 {
     size.clamp(1, 8192)

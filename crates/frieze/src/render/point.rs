@@ -304,8 +304,10 @@ impl<'t, L: Lane> Corners<'t, L> {
             let sign = if g.instance.mirrored { -self.sign } else { self.sign };
             (self.turned(g, vectors(&a, &b, &c, 3), &g.instance.tangents) * facing, sign * facing)
         } else {
-            (Vec3::splat(zero), zero)
+            (Vec3::splat(zero), facing)
         };
+        // Object- and world-space maps ask for the side only, whatever planes want.
+        let sign = if g.look.needs_tangent() { sign } else { facing };
         let none = (Vec2::splat(zero), Footprint { dudx: zero, dvdx: zero, dudy: zero, dvdy: zero });
         let first = if g.planes || g.look.needs_uv(0) { self.uv([a[6], b[6], c[6]], [a[7], b[7], c[7]]) } else { none };
         let second = if g.look.needs_uv(1) && !mesh.uv1.is_empty() {
@@ -343,6 +345,7 @@ impl<'t, L: Lane> Corners<'t, L> {
             plane,
             tangent,
             sign,
+            object: [0, 1, 2].map(|c| g.instance.normals.column(c).xyz()),
             uv: [first.0, second.0],
             footprint: [first.1, second.1],
             color,

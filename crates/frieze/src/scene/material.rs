@@ -74,8 +74,32 @@ pub enum TbnPath {
     /// The mapped normal goes to world space, per fragment.
     #[default]
     World,
-    /// Light and view go to tangent space, per vertex.
+    /// Light and view go to tangent space. Document 001 turns them at the vertices, which on curved surfaces is not the
+    /// same (erratum E4b); here they are turned into the frame of each fragment.
     Tangent,
+}
+
+/// What the vectors of a normal map are relative to (rows 50 to 52).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum NormalSpace {
+    /// The surface: the map bends with it and serves any mesh.
+    #[default]
+    Tangent,
+    /// The object: the map turns and moves with it, but is wrong once the object bends, and belongs to one mesh.
+    Object,
+    /// The world: the map is wrong as soon as the object turns.
+    World,
+}
+
+/// Which value of a normal map's integer texels is zero (row 49): an even number of codes has no middle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum NormalZero {
+    /// Half of the largest code, which no texel can hold: `2 c - 1`, as glTF, OpenGL and most bakers have it. The flat
+    /// texel (128, 128, 255) leans by 0.32 degrees.
+    #[default]
+    Half,
+    /// 128 of 255 (32768 of 65535): (128, 128, 255) is flat. The code 0 counts as 1.
+    Exact,
 }
 
 /// Which number of a texel a scalar slot takes.
@@ -133,16 +157,17 @@ impl Texture {
     }
 }
 
-/// A tangent-space normal map.
+/// A normal map; [`Material::normal_space`] and [`Material::normal_zero`] say what its numbers mean.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NormalMap {
     /// The image.
     pub texture: Texture,
-    /// Multiplies x and y before the normal is made of unit length.
+    /// Multiplies x and y of a tangent-space map before the normal is made of unit length.
     pub scale: f32,
-    /// Whether green points down the image's v (DirectX) instead of up (OpenGL, glTF).
+    /// Whether green points down the image's v (DirectX) instead of up (OpenGL, glTF). In object and world space: down
+    /// the axis.
     pub y_down: bool,
-    /// 3, or 2 when z is to be rebuilt from x and y.
+    /// 3, or 2 when z (never below 0) is to be rebuilt from x and y.
     pub channels: u8,
 }
 
@@ -228,6 +253,10 @@ pub struct Material {
     pub occlusion_strength: f32,
     /// Tilts the normal.
     pub normal_map: Option<NormalMap>,
+    /// What the vectors of `normal_map` are relative to.
+    pub normal_space: NormalSpace,
+    /// Which texel of `normal_map` is zero.
+    pub normal_zero: NormalZero,
     /// Height that tilts the normal.
     pub bump_map: Option<HeightMap>,
     /// Height that moves the surface.
@@ -274,6 +303,8 @@ impl Default for Material {
             occlusion_map: None,
             occlusion_strength: 1.0,
             normal_map: None,
+            normal_space: NormalSpace::Tangent,
+            normal_zero: NormalZero::Half,
             bump_map: None,
             displacement_map: None,
             parallax_map: None,
@@ -285,6 +316,7 @@ impl Material {
     /// Whether shading reads tangents.
     pub fn needs_tangent(&self) -> bool {
         self.normal_map.is_some()
+            && self.normal_space == NormalSpace::Tangent
             && self.shading == Shading::Phong
             && self.model != Model::Unlit
             && !matches!(self.tangent_frame, TangentFrame::FromNormal | TangentFrame::Games101)

@@ -33,7 +33,7 @@ pub enum Note<L: Lane> {
     },
     /// The normal that is shaded with.
     Normal {
-        /// As the map says it, tangent space; (0, 0, 1) without a map.
+        /// As the map says it, in the map's space; (0, 0, 1) without a map.
         mapped: Vec3<L::F>,
         /// World space (tangent space on the tangent path of document 001), unit length.
         shading: Vec3<L::F>,

@@ -2,11 +2,12 @@
 
 use super::lamp::Lights;
 use super::probe::{Note, Probe};
+use crate::image::pyramid::Texels;
 use crate::map::{Footprint, Map, normal};
 use crate::math::exact;
 use crate::math::lane::{Lane, Num};
 use crate::math::vec::{Vec2, Vec3, Vec4};
-use crate::scene::{Alpha, Channel, Material, Model, Shading, TangentFrame, TbnPath, Texture};
+use crate::scene::{Alpha, Channel, Material, Model, NormalSpace, NormalZero, Shading, TangentFrame, TbnPath, Texture};
 
 /// Light at a point, before it meets a material's reflectances.
 #[derive(Clone, Copy, Debug)]
@@ -46,8 +47,11 @@ pub struct Surface<L: Lane> {
     /// The interpolated tangent, not normalised (vertices have unit tangents). Only read when
     /// [`Look::needs_tangent`].
     pub tangent: Vec3<L::F>,
-    /// The bitangent is `sign * cross(normal, tangent)`. Only read when [`Look::needs_tangent`].
+    /// The bitangent is `sign * cross(normal, tangent)`. Only read when [`Look::needs_tangent`], and with normal maps
+    /// in object or world space, which want -1 on back faces and 1 on front faces.
     pub sign: L::F,
+    /// Columns of the matrix that turns the object's normals to the world's, of any length: for object-space maps.
+    pub object: [Vec3; 3],
     /// Two sets of texture coordinates, v down.
     pub uv: [Vec2<L::F>; 2],
     /// Their change per pixel.
@@ -190,10 +194,13 @@ impl<N: Num> Factors<N> {
     }
 }
 
-/// A tangent-space normal map.
+/// A normal map.
 #[derive(Clone, Debug)]
 struct Tilt {
     slot: Slot,
+    space: NormalSpace,
+    /// The largest code of texels whose middle code is zero; `None`: half of the largest code is.
+    zero: Option<u32>,
     scale: f32,
     y_down: bool,
     channels: u8,
@@ -283,11 +290,22 @@ impl Look {
             add(&m.occlusion_map, false, Role::Occlusion, Channel::R);
         }
         let albedo_map = m.albedo_map.as_ref().map(|t| Slot::new(t, map_of(t, true)));
-        let normal_map = m.normal_map.as_ref().filter(|_| phong || pbr).map(|n| Tilt {
-            slot: Slot::new(&n.texture, map_of(&n.texture, false)),
-            scale: n.scale,
-            y_down: n.y_down,
-            channels: n.channels,
+        let normal_map = m.normal_map.as_ref().filter(|_| phong || pbr).map(|n| {
+            let slot = Slot::new(&n.texture, map_of(&n.texture, false));
+            let most = match slot.map.pyramid.texels() {
+                Texels::Rgba8(_) => Some(255),
+                Texels::Rgba16(_) => Some(65535),
+                // Floats hold one half.
+                Texels::F32(_) => None,
+            };
+            Tilt {
+                slot,
+                space: m.normal_space,
+                zero: most.filter(|_| m.normal_zero == NormalZero::Exact),
+                scale: if m.normal_space == NormalSpace::Tangent { n.scale } else { 1.0 },
+                y_down: n.y_down,
+                channels: n.channels,
+            }
         });
         let twins = match (&albedo_map, &normal_map) {
             (Some(a), Some(n)) => a.uv == n.slot.uv && a.transform == n.slot.transform && a.map.is_twin_of(&n.slot.map),
@@ -334,7 +352,7 @@ impl Look {
     }
     /// Whether [`Surface::tangent`] and [`Surface::sign`] are read.
     pub fn needs_tangent(&self) -> bool {
-        self.normal_map.is_some()
+        self.normal_map.as_ref().is_some_and(|n| n.space == NormalSpace::Tangent)
             && self.shading == Shading::Phong
             && !matches!(self.frame, TangentFrame::FromNormal | TangentFrame::Games101)
     }
@@ -444,21 +462,20 @@ impl Look {
             Some(texel) => texel,
             None => tilt.slot.at(l, s, "normal", probe),
         };
-        let m = normal::decode(texel, tilt.scale, tilt.y_down, tilt.channels);
-        let [t, b, n] = match self.frame {
-            // MikkTSpace: interpolated vectors as they are, the sum is normalised (bakers do the same).
-            TangentFrame::Mikktspace if self.path == TbnPath::World => {
-                [s.tangent, s.normal.cross(s.tangent) * s.sign, s.normal]
-            }
-            // Documents 000 and 001: Gram-Schmidt, then the cross product (rows 59, 60).
-            TangentFrame::Mikktspace | TangentFrame::Average | TangentFrame::PerTriangle => {
-                let n = s.normal.normalize();
-                let t = (s.tangent - n * s.tangent.dot(n)).normalize();
-                [t, n.cross(t) * s.sign, n]
-            }
-            TangentFrame::FromNormal => from_normal(s.normal.normalize(), -1.0),
-            TangentFrame::Games101 => from_normal(s.normal.normalize(), 1.0),
+        let texel = match tilt.zero {
+            Some(max) => normal::exact_zero(texel, max),
+            None => texel,
         };
+        let m = normal::decode(texel, tilt.scale, tilt.y_down, tilt.channels);
+        if tilt.space != NormalSpace::Tangent {
+            // Rows 50 and 51: no frame. Back faces show the other side of the surface.
+            let [x, y, z] = s.object.map(|column| column.lift(one));
+            let v = if tilt.space == NormalSpace::Object { x * m.x + y * m.y + z * m.z } else { m };
+            let normal = fallback(l, v * s.sign, s.normal);
+            probe.note(|| Note::Normal { mapped: m, shading: normal });
+            return Facing { normal, turn: None };
+        }
+        let [t, b, n] = self.frame(s.normal, s.tangent, s.sign);
         probe.note(|| Note::Frame { tangent: t, bitangent: b, normal: n });
         // A texel of (.5, .5, .5) or a tangent along the normal may cancel out: fall back to the normal.
         let facing = match self.path {
@@ -469,6 +486,23 @@ impl Look {
         };
         probe.note(|| Note::Normal { mapped: m, shading: facing.normal });
         facing
+    }
+    /// The frame that tangent-space vectors are given in: tangent, bitangent and normal in world space, not always of
+    /// unit length. From a surface's normal, tangent and sign.
+    #[inline(always)]
+    pub fn frame<N: Num>(&self, normal: Vec3<N>, tangent: Vec3<N>, sign: N) -> [Vec3<N>; 3] {
+        match self.frame {
+            // MikkTSpace: interpolated vectors as they are, the sum is normalised (bakers do the same).
+            TangentFrame::Mikktspace if self.path == TbnPath::World => [tangent, normal.cross(tangent) * sign, normal],
+            // Documents 000 and 001: Gram-Schmidt, then the cross product (rows 59, 60).
+            TangentFrame::Mikktspace | TangentFrame::Average | TangentFrame::PerTriangle => {
+                let n = normal.normalize();
+                let t = (tangent - n * tangent.dot(n)).normalize();
+                [t, n.cross(t) * sign, n]
+            }
+            TangentFrame::FromNormal => from_normal(normal.normalize(), -1.0),
+            TangentFrame::Games101 => from_normal(normal.normalize(), 1.0),
+        }
     }
     /// Emitted light.
     #[inline(always)]

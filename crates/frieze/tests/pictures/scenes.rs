@@ -5,16 +5,36 @@ use frieze::image::{Encoding, Image, Pixels};
 use frieze::map::{Filter, Wrap};
 use frieze::math::vec::{Mat4, Vec3};
 use frieze::mesh::{Attribute, Mesh, shape};
+use frieze::render::{Overlay, Overlays};
 use frieze::samples;
 use frieze::scene::{
-    Alpha, Background, Bias, Camera, Falloff, Light, LightKind, Material, Model, NormalMap, Object, Output, Projection,
-    Scene, Shading, Shadow, ShadowFilter, ShadowProjection, ShadowWrap, TangentFrame, TbnPath, Texture, ToneMap, View,
+    Alpha, Background, Bias, Camera, Falloff, Light, LightKind, Material, Model, NormalMap, NormalSpace, NormalZero,
+    Object, Output, Projection, Scene, Shading, Shadow, ShadowFilter, ShadowProjection, ShadowWrap, TangentFrame,
+    TbnPath, Texture, ToneMap, View,
 };
 
 /// Names of all scenes: built in, then made here.
 pub fn names() -> Vec<&'static str> {
     let built_in = samples::NAMES.iter().map(|(name, _)| *name);
-    built_in.chain(["filters", "alpha", "lights", "materials", "parallel"]).collect()
+    built_in.chain(["filters", "alpha", "lights", "materials", "parallel", "normal-spaces"]).collect()
+}
+
+/// Names of the scenes that are drawn with overlays as well: the golden picture alone has them.
+#[allow(dead_code, reason = "bits.rs has tests of its own")]
+pub const DRAWN_OVER: [(&str, &str, &[Overlay]); 3] = [
+    ("overlay-tbn", "mirrored-head", &[Overlay::UvSeams, Overlay::Tbn]),
+    ("overlay-map-normals", "wall", &[Overlay::MapNormals]),
+    ("overlay-wire", "teapot", &[Overlay::Wire, Overlay::LightFrustum]),
+];
+
+/// The scene of that name with what is drawn over it.
+#[allow(dead_code, reason = "the same")]
+pub fn scene_with_overlays(name: &str) -> (Scene, Overlays) {
+    let drawn = DRAWN_OVER.iter().find(|(n, ..)| *n == name);
+    drawn.map_or_else(
+        || (scene(name), Overlays::default()),
+        |(_, below, list)| (scene(below), Overlays { list: list.to_vec(), ..Overlays::default() }),
+    )
 }
 
 /// The scene of that name; stress scenes have a hundredth of their triangles.
@@ -25,6 +45,7 @@ pub fn scene(name: &str) -> Scene {
         "lights" => lights(),
         "materials" => materials(),
         "parallel" => parallel(),
+        "normal-spaces" => normal_spaces(),
         _ => return samples::scaled(name, 0.01).unwrap_or_else(|| panic!("no scene is called {name}")),
     };
     Scene { name: name.into(), ..scene }
@@ -341,5 +362,49 @@ fn parallel() -> Scene {
     scene.cameras[0].near = 4.3;
     scene.lights.push(Light::directional(Vec3::new(2.0, 4.0, 1.0), Vec3::splat(0.0)));
     scene.output = Output { tone_map: ToneMap::Reinhard, supersample: 2, samples: 1, ..Default::default() };
+    scene
+}
+
+/// Normal maps in object and world space, with the exact zero in 8 and 16 bits, on objects that are turned, stretched
+/// and mirrored, from both sides.
+fn normal_spaces() -> Scene {
+    let mut scene = Scene::default();
+    // A lean towards +X and +Y of the map's space, changing from texel to texel.
+    let code = |k: usize| [(128 + (k * 37) % 90) as u8, (100 + (k * 53) % 100) as u8, (190 + (k * 29) % 65) as u8];
+    let bytes: Vec<u8> = (0..16 * 12).flat_map(code).collect();
+    let words = bytes.iter().map(|b| u16::from(*b) * 257).collect();
+    let image = |pixels| Image::new(16, 12, 3, pixels, Encoding::Linear).expect("the sizes fit");
+    let eight = scene.add_image(image(Pixels::U8(bytes)));
+    let sixteen = scene.add_image(image(Pixels::U16(words)));
+    scene.meshes.push(shape::torus(1.0, 24));
+    let half = Mesh { corners: shape::sphere(0.9, 16).corners[..16 * 14 * 3 / 2].to_vec(), ..Mesh::default() };
+    let mut bowl = shape::sphere(0.9, 16);
+    bowl.uv[0].as_mut().expect("spheres have one").index.as_mut().expect("of its own").truncate(half.corners.len());
+    scene.meshes.push(Mesh { corners: half.corners, ..bowl });
+    for k in 0..8 {
+        let material = scene.add_material(Material {
+            model: if k % 2 == 0 { Model::BlinnPhong } else { Model::Pbr },
+            roughness: 0.4,
+            albedo: [0.6, 0.5, 0.45],
+            double_sided: true,
+            normal_map: Some(NormalMap {
+                texture: Texture::new(if k % 4 < 2 { eight } else { sixteen }),
+                scale: 1.3,
+                y_down: k == 5,
+                channels: 3,
+            }),
+            normal_space: [NormalSpace::Object, NormalSpace::World, NormalSpace::Tangent][k % 3],
+            normal_zero: if k % 4 == 1 { NormalZero::Half } else { NormalZero::Exact },
+            tbn_path: if k == 2 { TbnPath::Tangent } else { TbnPath::World },
+            ..Default::default()
+        });
+        let stretch = [scale(1.0, 1.0, 1.0), scale(-1.0, 1.0, 1.0), scale(0.8, 1.6, 1.1), scale(1.0, -0.7, 1.3)][k % 4];
+        let place = at((k % 4) as f32 * 1.15 - 1.7, 0.55 - 1.1 * (k / 4) as f32, 0.0);
+        let transform = place.times(&leaning()).times(&stretch);
+        scene.objects.push(Object { name: String::new(), mesh: k / 4, transform, materials: vec![material] });
+    }
+    look(&mut scene, [0.0, 0.6, 6.5], [0.0, 0.0, 0.0], 25.0);
+    let light = Light::directional(Vec3::new(-2.0, 3.0, 4.0), Vec3::splat(0.0));
+    scene.lights.push(Light { intensity: 2.0, shadow: None, ..light });
     scene
 }

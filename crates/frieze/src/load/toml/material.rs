@@ -4,7 +4,8 @@ use super::table::{Table, Value};
 use crate::error::{Error, Result};
 use crate::map::{Filter, Wrap};
 use crate::scene::{
-    Alpha, Channel, HeightMap, Material, Model, NormalMap, Normals, Shading, TangentFrame, TbnPath, Texture,
+    Alpha, Channel, HeightMap, Material, Model, NormalMap, NormalSpace, NormalZero, Normals, Shading, TangentFrame,
+    TbnPath, Texture,
 };
 
 /// Turns the name of an image file into its index; called for every map, in the order of the slots.
@@ -91,7 +92,9 @@ pub(super) fn read(t: &Table, name: &str, double_sided: bool, register: Register
             t.finish()?;
         }
     }
-    m.normal_map = t.get("normal_map").map(|v| normal(&v, register)).transpose()?.flatten();
+    if let Some(v) = t.get("normal_map") {
+        (m.normal_map, m.normal_space, m.normal_zero) = normal(&v, register)?;
+    }
     m.bump_map = t.get("bump_map").map(|v| height(&v, register, bump)).transpose()?.flatten();
     m.displacement_map = t.get("displacement_map").map(|v| height(&v, register, displacement)).transpose()?.flatten();
     m.parallax_map = t.get("parallax_map").map(|v| height(&v, register, parallax)).transpose()?.flatten();
@@ -206,22 +209,27 @@ fn texture<'a>(v: &Value<'a>, register: Register) -> Result<(Option<Texture>, Op
     Ok((image.map(|_| made), Some(t)))
 }
 
-fn normal(v: &Value, register: Register) -> Result<Option<NormalMap>> {
+fn normal(v: &Value, register: Register) -> Result<(Option<NormalMap>, NormalSpace, NormalZero)> {
     let (texture, t) = texture(v, register)?;
     let mut made = NormalMap { texture: Texture::new(0), scale: 1.0, y_down: false, channels: 3 };
+    let (mut space, mut zero) = (NormalSpace::Tangent, NormalZero::Half);
     if let Some(t) = t {
-        if t.word("space", &[("tangent", true), ("object", false), ("world", false)])? == Some(false) {
-            t.get("space").inspect(|v| v.not_yet("it is read as a tangent-space map"));
-        }
+        let spaces =
+            [("tangent", NormalSpace::Tangent), ("object", NormalSpace::Object), ("world", NormalSpace::World)];
+        space = t.word("space", &spaces)?.unwrap_or_default();
+        zero = t.word("zero", &[("half", NormalZero::Half), ("exact", NormalZero::Exact)])?.unwrap_or_default();
         if t.word("variance", &[("none", true), ("toksvig", false), ("lean", false), ("vmf", false)])? == Some(false) {
             t.get("variance").inspect(|v| v.not_yet("roughness stays as it is"));
         }
         made.y_down = t.word("y", &[("up", false), ("down", true)])?.unwrap_or(false);
         made.scale = t.f32("scale")?.unwrap_or(1.0);
         made.channels = t.u32("channels", 2..=3)?.unwrap_or(3) as u8;
+        if let Some(v) = t.get("channels").filter(|_| made.channels == 2 && space != NormalSpace::Tangent) {
+            return Err(v.out_of_range("is 2, but only tangent-space maps have a z that two channels tell"));
+        }
         t.finish()?;
     }
-    Ok(texture.map(|texture| NormalMap { texture, ..made }))
+    Ok((texture.map(|texture| NormalMap { texture, ..made }), space, zero))
 }
 
 /// A height map; `own` reads the slot's own keys.
