@@ -251,6 +251,33 @@ fn row_105_a_surface_shadows_itself_without_a_tolerance_and_never_with_it() {
     assert!(light.iter().all(|(_, l)| *l > 0.999));
 }
 
+// Row 107: no acne where the shading normal says another slope than the triangles have.
+#[test]
+fn row_107_a_coarse_sphere_with_smooth_normals_has_no_acne() {
+    for (segments, from) in [(16, Vec3::new(1.0, 2.0, 3.0)), (24, Vec3::new(-3.0, 1.0, 1.0)), (32, UP)] {
+        for filter in [ShadowFilter::Hard, ShadowFilter::Pcf { radius: 1 }] {
+            let mut scene = bare(Camera::look_at(Vec3::new(0.5, 2.0, 4.0), ORIGIN, UP, 35.0));
+            scene.ambient.color = [0.0; 3];
+            let shadow = Shadow { size: 1024, filter, ..Shadow::default() };
+            scene.lights.push(Light { shadow: Some(shadow), ..Light::directional(from, ORIGIN) });
+            let look = scene.add_material(chalk());
+            scene.add(shape::sphere(1.0, segments), Mat4::IDENTITY, look);
+            let frame = shoot(&scene, (240, 180), 1, &[Aov::Object, Aov::Normal]);
+            let to_light = -scene.lights[0].direction;
+            let mut lit = 0;
+            for ((c, id), n) in rgba(&frame).iter().zip(ids(&frame, 0)).zip(floats::<3>(&frame, 1)) {
+                let cosine = Vec3::from(*n).dot(to_light);
+                // Facets turn away from the light up to half a segment before the normals do: sin(pi / 16) = 0.195.
+                if *id == 0 && cosine > 0.2 {
+                    lit += 1;
+                    assert!(c[0] > 0.999 * cosine, "{segments} {filter:?}: {} of {cosine}", c[0]);
+                }
+            }
+            assert!(lit > 500, "{lit}");
+        }
+    }
+}
+
 // Row 108: the bias is in forward light depth, so 0.005 of near to far. A lid nearer to the floor than that casts nothing.
 #[test]
 fn row_108_a_constant_bias_is_a_share_of_near_to_far() {
