@@ -58,7 +58,7 @@ pub struct Common {
     /// Print one JSON document on stdout (`frieze schema` prints its schema)
     #[arg(long, global = true)]
     pub json: bool,
-    /// Print errors only
+    /// Print errors only (`inspect`, `explain` and `samples` still print what they are asked for)
     #[arg(short, long, global = true)]
     pub quiet: bool,
     /// Overwrite existing files
@@ -100,7 +100,7 @@ pub enum Verb {
     Inspect(Inspect),
     /// Tell why a pixel has its colour
     Explain(Explain),
-    /// Run the shaders of GAMES101's assignment 3 as its framework does
+    /// Run the shaders of GAMES101's assignment 3 by the rules of its framework
     Games101(Games101),
     /// List the built-in scenes
     Samples,
@@ -370,7 +370,8 @@ Examples:
   frieze games101 bump --mesh spot.obj --texture hmap.jpg -o bump.png
   frieze games101 phong --mesh spot.obj -o phong.png --coverage int
 
-The picture is 700x700 and equal, pixel for pixel, to that of the course's framework.")]
+The picture is 700x700. The shaders follow the course's framework, oddities included, and are held to closed forms; they
+have not been compared with the pictures of a build of it.")]
 pub struct Games101 {
     /// The fragment shader
     #[arg(value_enum)]
