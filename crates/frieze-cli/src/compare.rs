@@ -121,8 +121,9 @@ pub fn run(a: &Compare, common: &Common, talk: &Talk) -> Result<()> {
         .chain(a.fail_below.iter().map(|l| Check::new(*l, &report, true)))
         .collect();
     if talk.json {
-        talk.document("compare", document(a, &report, &findings, &checks, shown))?;
-    } else {
+        let passed = checks.iter().all(|c| c.passed);
+        talk.verdict("compare", passed, document(a, &report, &findings, &checks, shown))?;
+    } else if !talk.quiet {
         talk::data(text(&report, &checks, shown).as_bytes())?;
     }
     let failed: Vec<String> = checks.iter().filter(|c| !c.passed).map(Check::sentence).collect();

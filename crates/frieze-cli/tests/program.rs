@@ -290,13 +290,16 @@ fn compare_measures_and_checks() {
     let o = frieze(&dir, &["compare", "a.png", "b.png", "--fail-above", "max=0", "--json"]);
     assert_eq!(code(&o), 1);
     let d = json(&o);
-    assert_eq!((&d["ok"], &d["passed"], &d["checks"][0]["passed"]), (&true.into(), &false.into(), &false.into()));
+    assert_eq!((&d["ok"], &d["passed"], &d["checks"][0]["passed"]), (&false.into(), &false.into(), &false.into()));
     assert!(err(&o).contains("max is 0.0196"), "{}", err(&o));
     let pass = ["compare", "a.png", "b.png", "--fail-above", "max=0.02", "--fail-below", "psnr=30"];
     assert_eq!(code(&frieze(&dir, &pass)), 0);
     let fail = ["compare", "a.png", "b.png", "--fail-below", "psnr=99", "--quiet"];
     let o = frieze(&dir, &fail);
-    assert_eq!((code(&o), err(&o)), (1, String::new()));
+    assert_eq!((code(&o), out(&o)), (1, String::new()), "quiet prints nothing but the error");
+    assert!(err(&o).starts_with("error: psnr is ") && err(&o).contains("compare.differs"), "{}", err(&o));
+    let o = frieze(&dir, &["compare", "a.png", "b.png", "--quiet"]);
+    assert_eq!((code(&o), out(&o), err(&o)), (0, String::new(), String::new()));
     let same = ["compare", "a.png", "a.png", "--fail-below", "psnr=99", "--fail-above", "flip=0"];
     assert_eq!(code(&frieze(&dir, &same)), 0);
     let one = json(&frieze(&dir, &["compare", "a.png", "b.png", "--metrics", "rmse", "--json"]));
