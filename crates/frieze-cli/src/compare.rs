@@ -69,6 +69,9 @@ fn limit(s: &str) -> core::result::Result<Limit, String> {
         format!("there is no metric `{name}`{}; there are {}", did_you_mean(name, &names), names.join(", "))
     })?;
     match value.parse::<f64>() {
+        Ok(value) if value < 0.0 && metric != Metric::Psnr => {
+            Err(format!("no {name} is below 0: `{value}` would always fail"))
+        }
         Ok(value) if value.is_finite() => Ok(Limit { metric, value }),
         _ => Err(format!("`{value}` is not a number")),
     }
@@ -249,7 +252,7 @@ mod tests {
     fn limits_are_read() {
         assert_eq!(above("flip=0.01"), Ok(Limit { metric: Metric::Flip, value: 0.01 }));
         assert!(below("psnr=40").is_ok());
-        for wrong in ["psnr=40", "flip", "flip=", "flip=x", "fip=1", "flip=inf"] {
+        for wrong in ["psnr=40", "flip", "flip=", "flip=x", "fip=1", "flip=inf", "flip=-1"] {
             assert!(above(wrong).is_err(), "{wrong}");
         }
         assert!(below("rmse=1").is_err());
