@@ -59,14 +59,14 @@ pub struct Common {
     /// Print one JSON document on stdout (`frieze schema` prints its schema)
     #[arg(long, global = true)]
     pub json: bool,
-    /// Print errors only
+    /// Print errors only (`inspect`, `explain` and `samples` still print what they are asked for)
     #[arg(short, long, global = true)]
     pub quiet: bool,
     /// Overwrite existing files
     #[arg(short, long, global = true)]
     pub force: bool,
     /// Threads to use; the result does not depend on it [default: one per core]
-    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    #[arg(long, global = true, value_name = "N", value_parser = threads)]
     pub threads: Option<u16>,
     /// Seed of whatever is drawn at random; the same seed gives the same result
     #[arg(long, global = true, value_name = "N", default_value_t = 0, hide_default_value = true)]
@@ -103,7 +103,7 @@ pub enum Verb {
     Inspect(Inspect),
     /// Tell why a pixel has its colour
     Explain(Explain),
-    /// Run the shaders of GAMES101's assignment 3 as its framework does
+    /// Run the shaders of GAMES101's assignment 3 by the rules of its framework
     Games101(Games101),
     /// List the built-in scenes
     Samples,
@@ -147,14 +147,15 @@ Examples:
   frieze render model.obj --albedo wood.png --normal-map wood_n.png --normal-map-scale 0.5
 
 A model without a camera is framed from the front, a little from the right and above; one without lights
-gets a key light with shadows and a fill light. `frieze samples` lists the built-in scenes.")]
+gets a key light with shadows and a fill light. A scene file gets what it says: docs/scene-file.md of the
+source lists its keys. `frieze samples` lists the built-in scenes.")]
 pub struct Render {
     /// A model (.glb .gltf .obj .ply .stl), a scene (.toml) or sample:NAME [default: sample:frieze]
     pub scene: Option<PathBuf>,
     /// Where to write: .png .exr .hdr .jpg .webp, or - for PNG on stdout [default: the scene's name + .png]
     #[arg(short, long = "output", value_name = "OUT")]
     pub out: Option<PathBuf>,
-    /// Pixels: WxH, or N for NxN [default: the scene's]
+    /// Pixels: WxH, or N for NxN, up to 16384 a side (with supersampling) [default: the scene's]
     #[arg(long, value_name = "SIZE", value_parser = size)]
     pub size: Option<(u32, u32)>,
     /// Samples per pixel along edges: 1, 4, 8 or 16 [default: the scene's]
@@ -170,12 +171,13 @@ pub struct Render {
     #[arg(long, value_name = "CAMERA", value_parser = crate::view::parse)]
     pub camera: Option<crate::view::Choice>,
     /// Write N pictures, the camera going once around its target
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    #[arg(long, value_name = "N", value_parser = turntable)]
     pub turntable: Option<u32>,
     /// Extra planes beside the colour, with commas between: depth, normal, view-normal, tangent, uv,
     /// position, object, material, triangle, barycentric, mip-level, texel-density; or all
     ///
-    /// They go into the same .exr, or into files of their own beside a .png. `color` is always written.
+    /// They go into the same .exr; beside a .png or another picture each becomes a file of its own, out.depth.exr and so
+    /// on. `color` is always written.
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = aov)]
     pub aov: Vec<Plane>,
     /// Lines over the picture, with commas between: normals, map-normals, tbn, wire, uv-seams, light-frustum
@@ -209,7 +211,9 @@ pub struct Render {
     #[arg(long)]
     pub preview: bool,
     /// Afterwards render N more frames into memory and report how long they took
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    ///
+    /// The camera moves a little from frame to frame, so the counters are not those of the picture.
+    #[arg(long, value_name = "N", value_parser = bench)]
     pub bench: Option<u32>,
     /// Let the files name others outside of their own folder
     #[arg(long)]
@@ -322,7 +326,7 @@ pub struct Compare {
     pub a: PathBuf,
     /// The picture to judge
     pub b: PathBuf,
-    /// Write a heat map of the difference (.png): FLIP, or the angle with --normals
+    /// Write a heat map of the difference (.png .webp .jpg): FLIP, or the angle with --normals
     #[arg(short, long = "output", value_name = "OUT")]
     pub out: Option<PathBuf>,
     /// Fail (exit 1) where a metric is above a limit: max, rmse, flip or angle (mean, degrees)
@@ -572,13 +576,14 @@ Examples:
   frieze games101 bump --mesh spot.obj --texture hmap.jpg -o bump.png
   frieze games101 phong --mesh spot.obj -o phong.png --coverage int
 
-The picture is 700x700 and equal, pixel for pixel, to that of the course's framework.")]
+The picture is 700x700. The shaders follow the course's framework, oddities included, and are held to closed forms; they
+have not been compared with the pictures of a build of it.")]
 pub struct Games101 {
     /// The fragment shader
     #[arg(value_enum)]
     pub shader: Lesson,
-    /// The model; the course uses its Spot (.obj)
-    #[arg(long, value_name = "OBJ")]
+    /// A model of one mesh (.obj .glb .gltf .ply .stl) or sample:NAME; the course uses its Spot (.obj)
+    #[arg(long, value_name = "MODEL")]
     pub mesh: PathBuf,
     /// The texture of `texture`, or the height map of `bump` and `displacement`
     #[arg(long, value_name = "IMG")]
@@ -619,11 +624,16 @@ pub enum Coverage {
     Int,
 }
 
+/// Most pixels along a side.
+const MOST_PIXELS: u32 = frieze::raster::MAX_SIZE;
+
 /// `WxH` or `N`.
 pub fn size(s: &str) -> Result<(u32, u32), String> {
     let side = |v: &str| match v.parse::<u32>() {
-        Ok(n) if (1..=65536).contains(&n) => Ok(n),
-        _ => Err(format!("`{v}` is not a number of pixels from 1 to 65536; write WxH or N, such as 1920x1080 or 512")),
+        Ok(n) if (1..=MOST_PIXELS).contains(&n) => Ok(n),
+        _ => Err(format!(
+            "`{v}` is not a number of pixels from 1 to {MOST_PIXELS}; write WxH or N, such as 1920x1080 or 512"
+        )),
     };
     match s.split_once(['x', 'X']) {
         Some((w, h)) => Ok((side(w)?, side(h)?)),
@@ -648,6 +658,23 @@ pub fn memory(s: &str) -> Result<u64, String> {
     let bytes = number * (1u64 << shift) as f64;
     // 2^53: beyond it f64 has no whole bytes, and no machine has them either.
     if bytes.is_finite() && (1.0..=9_007_199_254_740_992.0).contains(&bytes) { Ok(bytes as u64) } else { Err(wrong()) }
+}
+
+/// A whole number of `things` from 1 to `most`.
+fn count(s: &str, most: u32, things: &str) -> Result<u32, String> {
+    s.parse().ok().filter(|n| (1..=most).contains(n)).ok_or_else(|| format!("1 to {most} {things} are possible"))
+}
+
+fn turntable(s: &str) -> Result<u32, String> {
+    count(s, 100_000, "pictures of a turn")
+}
+
+fn bench(s: &str) -> Result<u32, String> {
+    count(s, 1_000_000, "frames")
+}
+
+fn threads(s: &str) -> Result<u16, String> {
+    count(s, 1024, "threads").map(|n| n as u16)
 }
 
 fn samples(s: &str) -> Result<u32, String> {
@@ -743,7 +770,7 @@ mod tests {
     fn sizes() {
         assert_eq!(size("512"), Ok((512, 512)));
         assert_eq!(size("1920x1080"), Ok((1920, 1080)));
-        for wrong in ["", "0", "x", "10x", "-1", "65537", "1e3", "10x20x30"] {
+        for wrong in ["", "0", "x", "10x", "-1", "16385", "1e3", "10x20x30"] {
             assert!(size(wrong).is_err(), "{wrong}");
         }
     }

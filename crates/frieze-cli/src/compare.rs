@@ -69,6 +69,9 @@ fn limit(s: &str) -> core::result::Result<Limit, String> {
         format!("there is no metric `{name}`{}; there are {}", did_you_mean(name, &names), names.join(", "))
     })?;
     match value.parse::<f64>() {
+        Ok(value) if value < 0.0 && metric != Metric::Psnr => {
+            Err(format!("no {name} is below 0: `{value}` would always fail"))
+        }
         Ok(value) if value.is_finite() => Ok(Limit { metric, value }),
         _ => Err(format!("`{value}` is not a number")),
     }
@@ -121,8 +124,9 @@ pub fn run(a: &Compare, common: &Common, talk: &Talk) -> Result<()> {
         .chain(a.fail_below.iter().map(|l| Check::new(*l, &report, true)))
         .collect();
     if talk.json {
-        talk.document("compare", document(a, &report, &findings, &checks, shown))?;
-    } else {
+        let passed = checks.iter().all(|c| c.passed);
+        talk.verdict("compare", passed, document(a, &report, &findings, &checks, shown))?;
+    } else if !talk.quiet {
         talk::data(text(&report, &checks, shown).as_bytes())?;
     }
     let failed: Vec<String> = checks.iter().filter(|c| !c.passed).map(Check::sentence).collect();
@@ -248,7 +252,7 @@ mod tests {
     fn limits_are_read() {
         assert_eq!(above("flip=0.01"), Ok(Limit { metric: Metric::Flip, value: 0.01 }));
         assert!(below("psnr=40").is_ok());
-        for wrong in ["psnr=40", "flip", "flip=", "flip=x", "fip=1", "flip=inf"] {
+        for wrong in ["psnr=40", "flip", "flip=", "flip=x", "fip=1", "flip=inf", "flip=-1"] {
             assert!(above(wrong).is_err(), "{wrong}");
         }
         assert!(below("rmse=1").is_err());

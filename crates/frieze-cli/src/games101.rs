@@ -25,6 +25,10 @@ pub fn run(a: &Games101, common: &Common, talk: &Talk) -> Result<()> {
             Error::arguments("games101.texture", "this shader reads a texture").remedy("give one with --texture FILE")
         );
     }
+    if a.out.as_os_str() == "-" {
+        return Err(Error::arguments("arguments.stdout", "games101 does not write to stdout")
+            .remedy("give a file: -o picture.png; `frieze render -o -` writes PNG to stdout"));
+    }
     let job = talk.job(common);
     let out = WriteOptions { force: common.force, job: job.clone() };
     write::check(&a.out, &[], &out)?;

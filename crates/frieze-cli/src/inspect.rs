@@ -134,8 +134,18 @@ fn spaced(n: u64) -> String {
     text
 }
 
-fn mebibytes(bytes: u64) -> String {
-    format!("{:.1} MiB", bytes as f64 / 1_048_576.0)
+/// `12.3 MiB`, or KiB where that would be next to nothing.
+fn size_text(bytes: u64) -> String {
+    if bytes < 1 << 20 {
+        format!("{:.1} KiB", bytes as f64 / 1024.0)
+    } else {
+        format!("{:.1} MiB", bytes as f64 / 1_048_576.0)
+    }
+}
+
+/// `1 object`, `2 objects`
+fn number(n: usize, one: &str, many: &str) -> String {
+    format!("{} {}", spaced(n as u64), if n == 1 { one } else { many })
 }
 
 fn named(name: &str) -> &str {
@@ -149,21 +159,21 @@ fn scene_text(file: &str, r: &SceneReport) -> String {
     // Writing to a string does not fail.
     let _ = writeln!(
         t,
-        "  {} triangles in {} objects of {} meshes, {} vertices, {}",
-        spaced(r.totals.triangles),
-        r.objects.len(),
-        r.meshes.len(),
-        spaced(r.totals.vertices),
-        mebibytes(r.totals.mesh_bytes)
+        "  {} in {} of {}, {}, {}",
+        number(r.totals.triangles as usize, "triangle", "triangles"),
+        number(r.objects.len(), "object", "objects"),
+        number(r.meshes.len(), "mesh", "meshes"),
+        number(r.totals.vertices as usize, "vertex", "vertices"),
+        size_text(r.totals.mesh_bytes)
     );
     let _ = writeln!(
         t,
-        "  {} materials, {} images ({}), {} lights, {} cameras",
-        r.materials.len(),
-        r.images.len(),
-        mebibytes(r.totals.image_bytes),
-        r.lights.len(),
-        r.cameras.len()
+        "  {}, {} ({}), {}, {}",
+        number(r.materials.len(), "material", "materials"),
+        number(r.images.len(), "image", "images"),
+        size_text(r.totals.image_bytes),
+        number(r.lights.len(), "light", "lights"),
+        number(r.cameras.len(), "camera", "cameras")
     );
     if let Some([lo, hi]) = r.bounds {
         let size: [f32; 3] = core::array::from_fn(|k| hi[k] - lo[k]);
@@ -258,7 +268,7 @@ fn image_text(i: &ImageReport) -> String {
         i.channels,
         i.kind,
         i.encoding,
-        mebibytes(i.bytes)
+        size_text(i.bytes)
     );
     if let Some(n) = i.normal_map {
         normal_text(&mut t, &n);

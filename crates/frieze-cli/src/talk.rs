@@ -21,7 +21,8 @@ pub const SAID: &str = "said";
 pub struct Talk {
     /// Whether stdout gets a JSON document.
     pub json: bool,
-    quiet: bool,
+    /// Whether only errors are wanted.
+    pub quiet: bool,
     color: bool,
     bar: ProgressBar,
     cancelled: Arc<AtomicBool>,
@@ -151,9 +152,9 @@ impl Talk {
         }
     }
 
-    /// A check that failed, on stderr only and not when quiet: its document is that of the verb.
+    /// A check that failed, on stderr only: its document is that of the verb.
     pub fn failed_check(&self, e: &Error) {
-        self.say(self.error_text(e));
+        self.show(&self.error_text(e));
     }
 
     fn error_text(&self, e: &Error) -> String {
@@ -172,8 +173,16 @@ impl Talk {
     /// # Errors
     /// As [`data`].
     pub fn document(&self, command: &str, body: impl Serialize) -> Result<()> {
+        self.verdict(command, true, body)
+    }
+
+    /// The one JSON document of a run that asked for checks: `ok` when all of them passed.
+    ///
+    /// # Errors
+    /// As [`data`].
+    pub fn verdict(&self, command: &str, ok: bool, body: impl Serialize) -> Result<()> {
         let body = serde_json::to_value(body).map_err(|e| Error::output("output.json", e.to_string()))?;
-        print_json(command, true, body)
+        print_json(command, ok, body)
     }
 }
 

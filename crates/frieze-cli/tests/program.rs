@@ -101,11 +101,13 @@ fn bad_arguments_are_exit_2() {
         &["compare", "a.png"],
         &["compare", "a.png", "b.png", "--fail-above", "psnr=3"],
         &["compare", "a.png", "b.png", "--fail-below", "flip=3"],
+        &["compare", "a.png", "b.png", "--fail-above", "flip=-1"],
         &["explain", "sample:teapot", "--pixel", "3"],
         &["explain", "sample:wall", "--pixel", "64,3", "--size", "64x48"],
         &["explain", "sample:wall", "--pixel", "3,48", "--size", "64x48"],
         &["games101", "phong"],
         &["games101", "texture", "--mesh", "a.obj", "-o", "a.png"],
+        &["games101", "normal", "--mesh", "a.obj", "-o", "-"],
         &["completions", "fsh"],
     ];
     let dir = folder("arguments");
@@ -320,13 +322,16 @@ fn compare_measures_and_checks() {
     let o = frieze(&dir, &["compare", "a.png", "b.png", "--fail-above", "max=0", "--json"]);
     assert_eq!(code(&o), 1);
     let d = json(&o);
-    assert_eq!((&d["ok"], &d["passed"], &d["checks"][0]["passed"]), (&true.into(), &false.into(), &false.into()));
+    assert_eq!((&d["ok"], &d["passed"], &d["checks"][0]["passed"]), (&false.into(), &false.into(), &false.into()));
     assert!(err(&o).contains("max is 0.0196"), "{}", err(&o));
     let pass = ["compare", "a.png", "b.png", "--fail-above", "max=0.02", "--fail-below", "psnr=30"];
     assert_eq!(code(&frieze(&dir, &pass)), 0);
     let fail = ["compare", "a.png", "b.png", "--fail-below", "psnr=99", "--quiet"];
     let o = frieze(&dir, &fail);
-    assert_eq!((code(&o), err(&o)), (1, String::new()));
+    assert_eq!((code(&o), out(&o)), (1, String::new()), "quiet prints nothing but the error");
+    assert!(err(&o).starts_with("error: psnr is ") && err(&o).contains("compare.differs"), "{}", err(&o));
+    let o = frieze(&dir, &["compare", "a.png", "b.png", "--quiet"]);
+    assert_eq!((code(&o), out(&o), err(&o)), (0, String::new(), String::new()));
     let same = ["compare", "a.png", "a.png", "--fail-below", "psnr=99", "--fail-above", "flip=0"];
     assert_eq!(code(&frieze(&dir, &same)), 0);
     let one = json(&frieze(&dir, &["compare", "a.png", "b.png", "--metrics", "rmse", "--json"]));
@@ -375,7 +380,7 @@ fn inspect_counts() {
     assert_eq!(d["scene"]["totals"]["triangles"], 1);
     assert_eq!(d["scene"]["meshes"][0]["vertices"], 3);
     let o = frieze(&dir, &["inspect", "one.obj"]);
-    assert!(out(&o).contains("1 triangles in 1 objects"), "{}", out(&o));
+    assert!(out(&o).contains("1 triangle in 1 object of 1 mesh, 3 vertices, 0."), "{}", out(&o));
     json(&frieze(&dir, &["inspect", "sample:teapot", "--json"]));
 }
 
@@ -414,6 +419,31 @@ fn normal_maps_are_inspected_and_mended() {
     assert_eq!(d["basis"]["fits"].as_array().unwrap().len(), 8);
     let o = frieze(&dir, &["inspect", "n.png", "--mesh", "sample:spheres"]);
     assert!(out(&o).contains("mikktspace"), "{}", out(&o));
+}
+
+#[test]
+fn what_is_no_model_is_told_by_its_name() {
+    let dir = folder("unknown-file");
+    picture(&dir, "tex.png", |x, _| x as u8);
+    std::fs::write(dir.join("notes.txt"), [b'x'; 300]).unwrap();
+    std::fs::write(dir.join("cut.stl"), [b'x'; 300]).unwrap();
+    std::fs::write(dir.join("far.obj"), "v 0 0 0\nv 1e30 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+    for (file, word) in [
+        ("tex.png", "this is a PNG picture, not a model"),
+        ("notes.txt", "not a model that frieze knows"),
+        ("cut.stl", "the STL header promises"),
+        ("far.obj", "far.obj"),
+        (".", "this is a folder"),
+        ("-", "stdin is not read"),
+    ] {
+        let o = frieze(&dir, &["render", file, "--size", "8", "-o", "out.png"]);
+        assert!(code(&o) == 3 && err(&o).contains(word), "{file}: {}", err(&o));
+        assert!(!err(&o).contains("projection") && !dir.join("out.png").exists(), "{file}: {}", err(&o));
+    }
+    // What is far, but within reach, is shown.
+    std::fs::write(dir.join("large.obj"), "v 0 0 0\nv 9e17 0 0\nv 0 9e17 0\nf 1 2 3\n").unwrap();
+    let o = frieze(&dir, &["render", "large.obj", "--size", "8", "-o", "out.png"]);
+    assert_eq!(code(&o), 0, "{}", err(&o));
 }
 
 #[test]

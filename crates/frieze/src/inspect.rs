@@ -376,6 +376,16 @@ fn area([a, b, c]: [[f32; 3]; 3]) -> f64 {
     0.5 * (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]).sqrt()
 }
 
+/// Whether a triangle of this area is a line or a point to within the rounding of its corners: nothing of it is drawn.
+fn is_degenerate(area: f64, corners: [[f32; 3]; 3]) -> bool {
+    let largest = corners.iter().flatten().fold(0.0, |m: f64, v| m.max(f64::from(v.abs())));
+    let side = |a: [f32; 3], b: [f32; 3]| (0..3).map(|k| (f64::from(a[k]) - f64::from(b[k])).abs()).fold(0.0, f64::max);
+    let [a, b, c] = corners;
+    let longest = side(a, b).max(side(b, c)).max(side(c, a));
+    // A few units in the last place of the largest coordinate are the least that its height can mean.
+    2.0 * area <= longest * largest * 4.0 * f64::from(f32::EPSILON)
+}
+
 fn object(scene: &Scene, o: &Object, findings: &mut Vec<Finding>) -> ObjectReport {
     let m = &scene.meshes[o.mesh];
     let mut densities: Vec<(f32, f64)> = Vec::new();
@@ -391,13 +401,14 @@ fn object(scene: &Scene, o: &Object, findings: &mut Vec<Finding>) -> ObjectRepor
             continue;
         };
         let corners = m.triangle(t);
-        let world = area(corners.map(|c| o.transform.point(m.position(c).into()).array()));
+        let places = corners.map(|c| o.transform.point(m.position(c).into()).array());
+        let world = area(places);
         let image = &scene.images[texture.image];
         let texels = f64::from(image.width()) * f64::from(image.height());
         let scale = f64::from(texture.scale[0]) * f64::from(texture.scale[1]);
         let flat = (signed_uv_area(corners.map(|c| uv.at(m, c))) * scale * texels).abs();
         let density = (flat / world).sqrt() as f32;
-        if density.is_finite() && density > 0.0 {
+        if density.is_finite() && density > 0.0 && !is_degenerate(world, places) {
             densities.push((density, world));
         }
     }

@@ -78,13 +78,38 @@ impl Format {
             Some(Format::Ply)
         } else if text.starts_with(b"{") {
             Some(Format::Gltf)
-        } else if text.starts_with(b"solid") || stl::is_binary(head, len) {
+        } else if text.starts_with(b"solid") || stl::length_fits(head, len) {
             Some(Format::Stl)
         } else {
             let starts = |line: &[u8]| [&b"v "[..], b"mtllib ", b"o ", b"g "].iter().any(|w| line.starts_with(w));
             text.split(|&b| b == b'\n').take(50).any(starts).then_some(Format::Obj)
         }
     }
+}
+
+/// What a file that is no model is, as far as its first bytes tell.
+fn unknown(head: &[u8], path: &Path) -> Error {
+    const OTHERS: [(&[u8], &str); 8] = [
+        (b"Kaydara FBX Binary", "an FBX model"),
+        (b"BLENDER", "a Blender file"),
+        (b"PXR-USDC", "a USD scene"),
+        (b"#usda", "a USD scene"),
+        (b"PK\x03\x04", "a ZIP archive"),
+        (b"\x1f\x8b", "a gzip archive"),
+        (b"%PDF", "a PDF document"),
+        (b"\x28\xb5\x2f\xfd", "a zstd archive"),
+    ];
+    let (message, remedy) = if let Some(kind) = decode::picture(head, path) {
+        let remedy = "pictures are maps of a model: --albedo and its like, or a material of a scene file";
+        (format!("this is a {kind} picture, not a model"), format!("{remedy}; {FORMATS}"))
+    } else if let Some((_, what)) = OTHERS.iter().find(|(magic, _)| head.starts_with(magic)) {
+        (format!("this is {what}, which frieze does not read"), FORMATS.to_owned())
+    } else if head.is_empty() {
+        ("the file is empty".to_owned(), FORMATS.to_owned())
+    } else {
+        ("this is not a model that frieze knows".to_owned(), FORMATS.to_owned())
+    };
+    Error::input("load.unknown-format", message).in_file(path).remedy(remedy)
 }
 
 /// What a loader works with: the file, its neighbours, the budget, and what it found.
@@ -205,11 +230,7 @@ pub(crate) fn model(
         None => {
             let mut head = vec![0; blob.len().min(4096) as usize];
             blob.read_at(0, &mut head).map_err(|e| e.in_file(path))?;
-            Format::guessed(&head, blob.len()).ok_or_else(|| {
-                Error::input("load.unknown-format", "this is no model or scene that frieze can read")
-                    .in_file(path)
-                    .remedy(FORMATS)
-            })?
+            Format::guessed(&head, blob.len()).ok_or_else(|| unknown(&head, path))?
         }
     };
     read(format, blob, path, &root.beside(path)?, options, wanted)
@@ -243,9 +264,35 @@ fn read(
             .in_file(name)
             .remedy("points, lines and empty scenes cannot be rendered; export the surface as triangles"));
     }
+    within_reach(&scene).map_err(|e| e.in_file(name))?;
     scene.name = context.stem();
     job.progress("load", 1, 1);
     Ok((scene, findings))
+}
+
+/// Farthest coordinate of a scene, metres: squares of distances stay within f32, so that a camera can be fitted.
+const FARTHEST: f32 = 1e18;
+
+/// Refuses what lies farther away than any camera can see.
+///
+/// # Errors
+/// `mesh.too-far`
+pub(crate) fn within_reach(scene: &Scene) -> Result<()> {
+    let far = |v: [f32; 3]| v.iter().any(|c| c.abs() > FARTHEST);
+    let Some((lo, hi)) = scene.bounds() else { return Ok(()) };
+    if !far(lo.array()) && !far(hi.array()) {
+        return Ok(());
+    }
+    let error = |what: &str| {
+        Error::input("mesh.too-far", format!("{what} is more than {FARTHEST:e} m away from the origin"))
+            .remedy("such numbers are mostly damage or a wrong unit: mend the file, or scale it down")
+    };
+    for (m, mesh) in scene.meshes.iter().enumerate() {
+        if let Some(k) = mesh.positions.iter().position(|p| far(*p)) {
+            return Err(error(&format!("a vertex, {:?},", mesh.positions[k])).at(format!("mesh {m}, vertex {k}")));
+        }
+    }
+    Err(error("an object"))
 }
 
 /// Decodes an image file.
@@ -304,6 +351,7 @@ mod tests {
         assert_eq!(guess(b"solid x\n"), Some(Format::Stl));
         assert_eq!(guess(TRIANGLE), Some(Format::Obj));
         assert_eq!(guess(b"\x89PNG"), None);
+        assert_eq!(guess(&[b'x'; 200]), None, "a header of STL that promises anything proves nothing");
         assert_eq!(load_bytes("fbx", b"", &LoadOptions::default()).unwrap_err().code, "load.unknown-format");
     }
 

@@ -60,6 +60,21 @@ impl Kind {
     }
 }
 
+/// The name of the picture format that a file has, by its first bytes.
+pub(super) fn picture(head: &[u8], name: &Path) -> Option<&'static str> {
+    Some(match Kind::of(head, name)? {
+        Kind::Png => "PNG",
+        Kind::Jpeg => "JPEG",
+        Kind::WebP => "WebP",
+        Kind::Tga => "TGA",
+        // Two letters prove little; four bytes of the header are reserved and 0.
+        Kind::Bmp => head.get(6..10).filter(|b| *b == [0; 4]).map(|_| "BMP")?,
+        Kind::Tiff => "TIFF",
+        Kind::Hdr => "Radiance HDR",
+        Kind::Exr => "OpenEXR",
+    })
+}
+
 /// Decodes an image file. `name` is for messages and, where the bytes do not tell, for the format.
 ///
 /// # Errors

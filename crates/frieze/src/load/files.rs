@@ -169,6 +169,9 @@ fn folder_of(asset: &Path) -> Result<PathBuf> {
 
 fn unreadable(path: &Path, e: &io::Error) -> Error {
     match e.kind() {
+        io::ErrorKind::NotFound if path.as_os_str() == "-" => Error::input("file.missing", "stdin is not read")
+            .in_file(path)
+            .remedy("write what comes there to a file, and give that file's name"),
         io::ErrorKind::NotFound => Error::input("file.missing", "there is no such file")
             .in_file(path)
             .remedy("check the path; it counts from the folder that the program was started in"),
@@ -279,9 +282,14 @@ impl Blob<'static> {
     /// `file.missing`, `file.unreadable`.
     pub fn open(path: &Path) -> Result<Self> {
         // Asked before opening: opening a pipe would wait for its other end.
-        let regular = std::fs::metadata(path).map_err(|e| unreadable(path, &e))?.is_file();
-        if !regular {
-            return Err(Error::input("file.unreadable", "is a folder or a device, not a file").in_file(path));
+        let what = std::fs::metadata(path).map_err(|e| unreadable(path, &e))?;
+        if what.is_dir() {
+            return Err(Error::input("file.unreadable", "this is a folder, not a file")
+                .in_file(path)
+                .remedy("give the name of a file in it"));
+        }
+        if !what.is_file() {
+            return Err(Error::input("file.unreadable", "this is a pipe or a device, not a file").in_file(path));
         }
         let file = File::open(path).map_err(|e| unreadable(path, &e))?;
         let len = file.metadata().map_err(|e| unreadable(path, &e))?.len();

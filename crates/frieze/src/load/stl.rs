@@ -14,12 +14,18 @@ use rayon::prelude::*;
 const HEADER: u64 = 84;
 const FACET: u64 = 50;
 
+/// Whether a file of `len` bytes that begins with `head` has just the length that its count of triangles asks for.
+pub(super) fn length_fits(head: &[u8], len: u64) -> bool {
+    head.get(80..84).is_some_and(|count| {
+        let count = u32::from_le_bytes(count.try_into().unwrap_or_default());
+        len == HEADER + FACET * u64::from(count)
+    })
+}
+
 /// Whether a file of `len` bytes that begins with `head` is binary. "solid" at the beginning proves nothing: many
 /// programs write it into binary headers. The count does, and so do bytes that no text has.
 pub(super) fn is_binary(head: &[u8], len: u64) -> bool {
-    let Some(count) = head.get(80..84) else { return false };
-    let count = u64::from(u32::from_le_bytes(count.try_into().unwrap_or_default()));
-    if len == HEADER + FACET * count {
+    if length_fits(head, len) {
         return true;
     }
     if !head.trim_ascii_start().starts_with(b"solid") {
@@ -37,7 +43,7 @@ pub(super) fn read(blob: &Blob<'_>, context: &Context<'_>, findings: &mut Findin
     let (name, positions) =
         if binary { (String::new(), facets(bytes, context, findings)?) } else { solids(bytes, context, findings)? };
     if positions.len() > u32::MAX as usize - 2 {
-        return Err(Error::input("stl.too-large", "over 2^32 corners"));
+        return Err(Error::input("stl.too-large", "the STL file has over 2^32 corners"));
     }
     context.reserve(4 * positions.len() as u64, "vertex indices")?;
     let corners = (0..positions.len() as u32).collect();
@@ -65,13 +71,16 @@ fn facets(bytes: &[u8], context: &Context<'_>, findings: &mut Findings) -> Resul
     let said = u64::from(u32::from_le_bytes(bytes[80..84].try_into().unwrap_or_default()));
     let there = (bytes.len() as u64 - HEADER) / FACET;
     if said > there {
-        return Err(Error::input("stl.truncated", format!("the header promises {said} triangles, there are {there}"))
-            .at("byte 80")
-            .remedy("copy or download the file again"));
+        return Err(Error::input(
+            "stl.truncated",
+            format!("the STL header promises {said} triangles, there are {there}"),
+        )
+        .at("byte 80")
+        .remedy("copy or download the file again"));
     }
     if bytes.len() as u64 > HEADER + FACET * said {
         let extra = bytes.len() as u64 - HEADER - FACET * said;
-        let message = format!("{extra} bytes follow after the last triangle");
+        let message = format!("{extra} bytes follow after the last triangle of the STL file");
         findings.push(Finding::note("stl.trailing", message, "they were ignored"));
     }
     context.reserve(36 * said, "vertex positions")?;
@@ -118,7 +127,7 @@ fn solids(bytes: &[u8], context: &Context<'_>, findings: &mut Findings) -> Resul
                 let word = c.word();
                 *v = float(word).ok_or_else(|| {
                     let word = text(&word[..word.len().min(40)]);
-                    Error::input("stl.number", format!("{word:?} is no coordinate")).at(place(at))
+                    Error::input("stl.number", format!("{word:?} is no coordinate of an STL vertex")).at(place(at))
                 })?;
             }
             if !p.iter().all(|v| v.is_finite()) {

@@ -13,8 +13,8 @@ use crate::math::exact;
 use crate::math::vec::{Mat4, Vec3};
 use crate::mesh::{Mesh, shape};
 use crate::scene::{
-    Ambient, Background, Bias, Camera, Falloff, Light, LightKind, Material, Object, Output, Projection, Scene, Shadow,
-    ShadowFilter, ShadowProjection, ShadowWrap, ToneMap, View,
+    Ambient, Background, Bias, Camera, Falloff, Light, LightKind, Material, Model, Object, Output, Projection, Scene,
+    Shadow, ShadowFilter, ShadowProjection, ShadowWrap, ToneMap, View,
 };
 use rayon::prelude::*;
 use std::cell::RefCell;
@@ -85,6 +85,20 @@ fn read(text: &str, path: &Path, root: &Root, options: &LoadOptions) -> Result<(
     let mut held = Vec::new();
     let wanted = objects.iter().map(|t| object(t, &options.job, &mut held)).collect::<Result<Vec<_>>>()?;
     things(&mut scene, &source, materials.as_ref(), wanted, root, options, &mut held)?;
+    if scene.view == View::Auto {
+        super::within_reach(&scene).map_err(|e| e.in_file(path))?;
+    }
+    let dark = |c: [f32; 3]| c.iter().all(|&v| v <= 0.0);
+    let lit = |m: &Material| !dark(m.emissive) || m.model == Model::Unlit;
+    if !scene.objects.is_empty()
+        && scene.lights.is_empty()
+        && top.get("ambient").is_none()
+        && !scene.materials.iter().any(lit)
+    {
+        let message = "the scene has no light: only the default ambient light, 0.2, shows it";
+        let action = "a scene file gets the lights that it says: add [[light]], or [ambient] if this is meant";
+        source.findings.borrow_mut().push(Finding::note("scene.no-light", message, action).in_file(path));
+    }
     let findings = source.findings.take();
     Ok((scene, findings))
 }
@@ -390,15 +404,20 @@ fn shadow(light: &Table, kind_value: &Value, kind: LightKind) -> Result<Option<S
             t.finish()?;
         }
     }
-    let place = value.as_ref().unwrap_or(kind_value);
     if cube {
-        place.not_yet("cube shadows: the light casts none");
+        value.as_ref().unwrap_or(kind_value).not_yet("cube shadows: the light casts none");
         return Ok(None);
     }
     let perspective = made.projection == Some(ShadowProjection::Perspective)
         || (made.projection.is_none() && matches!(kind, LightKind::Spot { .. }));
-    if perspective {
-        place.not_yet("perspective shadow maps: the light may cast none");
+    match &value {
+        Some(v) if perspective => v.not_yet("perspective shadow maps: the light casts no shadow"),
+        // Spot lights cast by default; nobody asked for it.
+        None if perspective => kind_value.default_not_yet(
+            format!("`{}`, a spot light, casts no shadow yet", light.name),
+            "its light is drawn; shadow = false says that none is wanted",
+        ),
+        _ => {}
     }
     Ok(Some(made))
 }

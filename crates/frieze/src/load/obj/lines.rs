@@ -195,7 +195,9 @@ fn face(p: &mut Piece, c: &mut Cursor<'_>) -> Result<()> {
     let counts = [p.positions.len(), p.uv.len(), p.normals.len()];
     while !c.is_line_end() {
         let mut index = [0i64; 3];
-        let bad = || Error::input("obj.index", "a corner of the face is no index");
+        let bad = || {
+            Error::input("obj.index", "a corner of the face is no index; a corner is written v, v/vt, v//vn or v/vt/vn")
+        };
         index[0] = c.integer().ok_or_else(bad)?;
         for index in &mut index[1..] {
             if c.peek() != b'/' {

@@ -76,9 +76,18 @@ impl<'a> Table<'a> {
                 let shown: String = key.chars().take(60).collect();
                 let mut error =
                     self.source.error("scene.unknown-key", at.start, format!("unknown key `{}`", self.full(&shown)));
-                if let Some(near) = nearest(key, known.iter().copied()) {
-                    error = error.remedy(format!("did you mean `{near}`?"));
-                }
+                error = error.remedy(match synonym(key, &known).or_else(|| nearest(key, known.iter().copied())) {
+                    Some(near) => format!("did you mean `{near}`?"),
+                    None => {
+                        let mut all: Vec<&str> = Vec::new();
+                        known.iter().for_each(|k| {
+                            if !all.contains(k) {
+                                all.push(k)
+                            }
+                        });
+                        format!("possible keys are {}", all.join(", "))
+                    }
+                });
                 Err(error)
             }
         }
@@ -152,6 +161,13 @@ impl<'a> Value<'a> {
     /// `scene.range`: it is possible in kind, but not in value.
     pub fn out_of_range(&self, what: impl std::fmt::Display) -> Error {
         self.source.error("scene.range", self.at, format!("`{}` {what}", self.name))
+    }
+    /// Tells that what the contract does by default, and the file did not ask for, is not done by this version.
+    pub fn default_not_yet(&self, message: String, action: &str) {
+        if self.source.findings.borrow().len() < 1000 {
+            let finding = Finding::note("scene.not-yet", message, action.to_owned());
+            self.source.findings.borrow_mut().push(finding.in_file(self.source.path).at(self.source.line(self.at)));
+        }
     }
     /// Tells that this is understood, but not done by this version.
     pub fn not_yet(&self, action: &str) {
@@ -272,9 +288,40 @@ impl<'a> Value<'a> {
     }
 }
 
-/// The candidate with the smallest edit distance; the first of equals.
+/// The candidate with the smallest edit distance, the first of equals; `None` when it is not near: at most two
+/// letters or a third of them apart, and less than half.
 pub(super) fn nearest<'k>(word: &str, candidates: impl Iterator<Item = &'k str>) -> Option<&'k str> {
-    candidates.min_by_key(|c| distance(word, c))
+    let (apart, near) = candidates.map(|c| (distance(word, c), c)).min_by_key(|c| c.0)?;
+    let letters = word.chars().count().max(near.len()).min(64);
+    (apart <= (letters / 3).max(2) && 2 * apart <= letters).then_some(near)
+}
+
+/// What other programs call a key that is known here.
+fn synonym(word: &str, known: &[&'static str]) -> Option<&'static str> {
+    const OTHERS: [(&str, &[&str]); 20] = [
+        ("position", &["translate", "eye"]),
+        ("translation", &["translate"]),
+        ("location", &["translate", "position"]),
+        ("from", &["eye"]),
+        ("rotation", &["rotate"]),
+        ("look_at", &["target"]),
+        ("to", &["target"]),
+        ("fov", &["fov_y"]),
+        ("type", &["kind", "primitive", "model"]),
+        ("file", &["mesh"]),
+        ("model", &["mesh"]),
+        ("resolution", &["size"]),
+        ("width", &["size"]),
+        ("msaa", &["samples"]),
+        ("color", &["base_color"]),
+        ("texture", &["base_color_map"]),
+        ("metalness", &["metallic"]),
+        ("emission", &["emissive"]),
+        ("transparency", &["opacity"]),
+        ("strength", &["intensity", "scale"]),
+    ];
+    let (_, names) = OTHERS.iter().find(|o| o.0 == word)?;
+    names.iter().find_map(|n| known.iter().find(|k| *k == n).copied())
 }
 
 /// Levenshtein's distance, of at most the first 64 letters.

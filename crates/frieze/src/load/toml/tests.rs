@@ -31,7 +31,8 @@ impl Folder {
     }
     fn scene(&self, text: &str) -> Scene {
         let loaded = self.load(text).unwrap_or_else(|e| panic!("{e}\n{text}"));
-        assert!(loaded.findings.is_empty(), "{:?}", loaded.findings);
+        let odd = |f: &&Finding| f.code != "scene.no-light";
+        assert_eq!(loaded.findings.iter().find(odd), None, "{text}");
         loaded.scene
     }
     fn error(&self, text: &str) -> Error {
@@ -408,6 +409,46 @@ fn unknown_keys_name_the_nearest_known_one_and_the_line() {
         assert_eq!(e.remedy.as_deref(), Some(&*format!("did you mean `{near}`?")));
         assert_eq!(e.place.as_deref(), Some(&*format!("line {line}")));
         assert!(e.file.unwrap().ends_with("scene.toml"));
+    }
+}
+
+#[test]
+fn keys_that_are_not_near_are_listed_and_other_names_are_known() {
+    let folder = Folder::new("far");
+    let e = folder.error("[output]\nexposure = 2");
+    assert!(e.remedy.as_deref().unwrap().starts_with("possible keys are size, background"), "{e}");
+    let e = folder.error("[[object]]\nmesh = \"spot.gltf\"\nposition = [0, 1, 0]");
+    assert_eq!(e.remedy.as_deref(), Some("did you mean `translate`?"));
+    let e = folder.error("[[light]]\nkind = \"sun\"\nposition = [0, 1, 0]");
+    assert!(e.message.contains("possible are directional") && e.remedy.is_none(), "{e}");
+}
+
+#[test]
+fn a_spot_light_whose_shadow_nobody_asked_for_does_not_warn() {
+    let folder = Folder::new("spot-shadow");
+    let told = |keys: &str| {
+        let text = format!("[[light]]\nkind = \"spot\"\nposition = [0, 5, 0]\n{keys}\n");
+        folder.load(&text).unwrap().findings
+    };
+    let note = told("");
+    assert_eq!((note.len(), note[0].severity), (1, Severity::Note));
+    assert!(note[0].message.contains("casts no shadow yet"), "{}", note[0]);
+    assert!(told("shadow = false").is_empty());
+    assert_eq!(told("shadow = true")[0].severity, Severity::Warning);
+}
+
+#[test]
+fn a_scene_without_light_says_so() {
+    let folder = Folder::new("dark");
+    let object = "[[object]]\nmesh = { primitive = \"cube\" }\nmaterial = \"m\"\n";
+    for (more, told) in [
+        ("[material.m]", 1),
+        ("[material.m]\n[ambient]", 0),
+        ("[material.m]\nemissive = [1, 0, 0]", 0),
+        ("[material.m]\n[[light]]\nkind = \"point\"\nposition = [0, 5, 0]", 0),
+    ] {
+        let found = folder.load(&format!("{object}{more}\n")).unwrap().findings;
+        assert_eq!(found.iter().filter(|f| f.code == "scene.no-light").count(), told, "{more}");
     }
 }
 
