@@ -59,7 +59,7 @@ pub fn fix(map: &Path, out: &Path, issues: &[Issue], common: &Common, talk: &Tal
         talk.say(format!("{}: {} (confidence {:.0} %)", s.fix, s.why, s.confidence * 100.0));
     }
     if mended.steps.is_empty() {
-        talk.say("nothing was mended".to_owned());
+        talk.say("nothing was mended");
     }
     talk.say(out.display().to_string());
     Ok(())

@@ -101,7 +101,7 @@ pub fn fit(mesh: &Mesh, image: &Image, e: &Evidence, job: &Job) -> Result<BasisR
     job.check()?;
     let samples = edges(mesh, uv, [w, h]);
     // Per hypothesis and edge, the mean angle.
-    let mut angles = vec![Vec::with_capacity(samples.len()); 8];
+    let mut angles: [Vec<_>; 8] = core::array::from_fn(|_| Vec::with_capacity(samples.len()));
     for s in &samples {
         for (b, frame) in frames.iter().enumerate() {
             for g in 0..2 {
