@@ -290,12 +290,15 @@ fn scenes_that_leave_the_range_of_numbers() {
     let folder = std::env::temp_dir().join(format!("frieze-hostile-range-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();
     let (mut json, bin) = document();
-    json["nodes"][1]["scale"] = json!([1e30, 1e30, 1e30]);
-    std::fs::write(folder.join("a.glb"), glb(&json, &bin)).unwrap();
     let path = folder.join("a.toml");
     std::fs::write(&path, "[[object]]\nmesh = \"a.glb\"\nscale = 1e30\n").unwrap();
-    let error = load(&path, &options()).unwrap_err();
-    assert_eq!((error.code, error.place.as_deref()), ("scene.range", Some("line 1")));
+    // The model itself is out of reach, or only what the scene makes of it.
+    for (scale, code, place) in [(1e30, "mesh.too-far", None), (1e15, "scene.range", Some("line 1"))] {
+        json["nodes"][1]["scale"] = json!([scale, scale, scale]);
+        std::fs::write(folder.join("a.glb"), glb(&json, &bin)).unwrap();
+        let error = load(&path, &options()).unwrap_err();
+        assert_eq!((error.code, error.place.as_deref()), (code, place), "{scale}");
+    }
     std::fs::remove_dir_all(&folder).unwrap();
 }
 

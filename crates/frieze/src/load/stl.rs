@@ -68,8 +68,12 @@ pub(super) fn scene(mesh: Mesh, context: &Context<'_>) -> Scene {
 }
 
 fn facets(bytes: &[u8], context: &Context<'_>, findings: &mut Findings) -> Result<Vec<[f32; 3]>> {
-    let said = u64::from(u32::from_le_bytes(bytes[80..84].try_into().unwrap_or_default()));
-    let there = (bytes.len() as u64 - HEADER) / FACET;
+    let Some((header, body)) = bytes.split_at_checked(HEADER as usize) else {
+        let message = format!("the STL file has {} bytes; its header alone takes {HEADER}", bytes.len());
+        return Err(Error::input("stl.truncated", message).remedy("copy or download the file again"));
+    };
+    let said = u64::from(u32::from_le_bytes(header[80..84].try_into().unwrap_or_default()));
+    let there = body.len() as u64 / FACET;
     if said > there {
         return Err(Error::input(
             "stl.truncated",
