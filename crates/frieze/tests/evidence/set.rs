@@ -393,7 +393,7 @@ pub fn all(seeds: u32) -> impl Iterator<Item = Case> {
     let cases = move |f: usize, d: usize, y: bool, s: u32| {
         let seed = hash(s * 1009 + f as u32 * 97 + d as u32 * 13) % 100_000 + u32::from(y) * 7;
         let k = hash(seed + 5) as usize;
-        let bits = if k % 3 == 0 { 16 } else { 8 };
+        let bits = if k.is_multiple_of(3) { 16 } else { 8 };
         make(FAMILIES[f], KERNELS[k / 3 % 4], DAMAGES[d], y, bits, SIZES[k / 12 % 5], seed)
     };
     (0..FAMILIES.len()).flat_map(move |f| {
